@@ -1,0 +1,117 @@
+"""The values that go in: parts in their assembled poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sashimono.geometry import se3
+
+
+def frozen_array(values: object, dtype: type) -> np.ndarray:
+    """Return a contiguous, read-only copy: ``frozen=True`` alone would still let elements be changed."""
+    array = np.array(values, dtype=dtype, order="C", copy=True)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """A rigid body, meshed in its own frame: a closed surface, counter-clockwise from outside."""
+
+    name: str
+    vertices_part: Float[np.ndarray, "vertex 3"]
+    """Surface points [m]."""
+    faces: Int[np.ndarray, "face 3"]
+    """Vertex indices, counter-clockwise from outside."""
+    T_world_part: Float[np.ndarray, "4 4"]
+    """Assembled pose: part frame to world."""
+    color: tuple[float, float, float] | None = None
+    """Colour in the source file, linear RGB in [0, 1], if it had one."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices_part", frozen_array(self.vertices_part, np.float64))
+        object.__setattr__(self, "faces", frozen_array(self.faces, np.int32))
+        object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part, np.float64))
+
+    @cached_property
+    def vertices_world(self) -> Float[np.ndarray, "vertex 3"]:
+        """Surface points in the assembled pose [m]."""
+        return frozen_array(se3.apply(self.T_world_part, self.vertices_part), np.float64)
+
+    @cached_property
+    def bounds_world(self) -> Float[np.ndarray, "2 3"]:
+        """Lower and upper corner of the axis-aligned box in the assembled pose [m]."""
+        return frozen_array([self.vertices_world.min(axis=0), self.vertices_world.max(axis=0)], np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where an assembly was read from, so that a plan can be checked against it."""
+
+    path: str
+    sha256: str
+    """Of the file, or of the sorted (name, content hash) list of a folder."""
+    unit: str
+    """Unit of the source coordinates ("m", "mm", ...); the assembly itself is in metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overlap:
+    """Two parts that share volume in the assembled pose, as the CAD has them."""
+
+    first: str
+    second: str
+    volume: float
+    """Volume of the boolean intersection [m³]."""
+    fraction: float
+    """That volume over the smaller part's volume."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assembly:
+    """Parts in their assembled poses, SI units, unique names."""
+
+    parts: tuple[Part, ...]
+    source: Source | None = None
+    overlaps: tuple[Overlap, ...] = ()
+    """Pairs that overlap in the assembled pose, worst first."""
+    identical: tuple[tuple[str, ...], ...] = ()
+    """Classes of parts with the same shape; only classes of two or more."""
+    notes: tuple[str, ...] = ()
+    """What was mended or looked doubtful while reading, one line each."""
+    _index: dict[str, int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_index", {part.name: k for k, part in enumerate(self.parts)})
+        assert len(self._index) == len(self.parts), "part names are unique"
+
+    def __len__(self) -> int:
+        return len(self.parts)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Part names, in part order."""
+        return tuple(part.name for part in self.parts)
+
+    def index(self, name: str) -> int:
+        """Return the position of the part with this name; KeyError if there is none."""
+        return self._index[name]
+
+    def part(self, name: str) -> Part:
+        """Return the part with this name; KeyError if there is none."""
+        return self.parts[self._index[name]]
+
+    def select(self, names: Sequence[str]) -> tuple[Part, ...]:
+        """Return the parts with these names, in that order."""
+        return tuple(self.part(name) for name in names)
+
+    @cached_property
+    def bounds_world(self) -> Float[np.ndarray, "2 3"]:
+        """Lower and upper corner of the whole assembly's axis-aligned box [m]."""
+        boxes = np.array([part.bounds_world for part in self.parts])
+        return frozen_array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)], np.float64)

@@ -1,0 +1,21 @@
+"""Errors that a caller can act on. Not finding a plan is an answer, never an error."""
+
+
+class SashimonoError(Exception):
+    """Base of every error that Sashimono raises on purpose.
+
+    The message is one line: what is wrong, where, and the way out. The command
+    line prints it to standard error and exits with status 2.
+    """
+
+
+class InputError(SashimonoError):
+    """A file or folder that cannot be used as an assembly."""
+
+
+class PlanFormatError(SashimonoError):
+    """A plan file that does not follow the plan.json contract."""
+
+
+class MissingExtraError(SashimonoError):
+    """An optional package is needed; the message names the extra to install."""

@@ -1,0 +1,1 @@
+"""Rigid motions, meshes, directions, distances: what all three levels stand on."""

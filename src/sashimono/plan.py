@@ -1,0 +1,137 @@
+"""The values that come out: motions, contacts and the plan that holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.assembly import Overlap, Source, frozen_array
+
+
+class Answer(StrEnum):
+    """What is known about a part's removal. Three different answers, never merged."""
+
+    FREE = "FREE"
+    """A motion was found."""
+    PROVEN_BLOCKED = "PROVEN_BLOCKED"
+    """No motion of the stated class exists."""
+    UNKNOWN = "UNKNOWN"
+    """The budget ran out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """One stretch of a path: the motion from pose ``start`` to pose ``stop``, both included.
+
+    The next segment starts at the pose where this one stops.
+    """
+
+    kind: Literal["transit", "insertion"]
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """A path of one part (or of parts that move together) among fixed ones, geometry only."""
+
+    T_world_part: Float[np.ndarray, "pose 4 4"]
+    """Poses from resting to assembled, joined by geodesics; the base part has one."""
+    segments: tuple[Segment, ...]
+    """Cover the path, in order; empty for the base part."""
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+    """What was measured while planning: ``max_penetration`` and ``tolerance`` [m], ..."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part, np.float64))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contact:
+    """Where and how a robot holds or pushes a part, in the part's frame."""
+
+    kind: Literal["grasp", "push"]
+    points_part: Float[np.ndarray, "contact 3"]
+    """Contact points on the surface [m]."""
+    normals_part: Float[np.ndarray, "contact 3"]
+    """Unit inward normals of the surface there."""
+    friction: float
+    """Coulomb friction coefficient μ."""
+    quality: float
+    """Grasp: Ferrari-Canny quality, torques divided by the part's radius; push: 0."""
+    force_part: Float[np.ndarray, "contact 3"] | None = None
+    """Contact forces [N], where they were solved for."""
+    T_part_gripper: Float[np.ndarray, "4 4"] | None = None
+    """Gripper pose: origin midway between the finger tips, x from the first point to the second, z along the approach."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """Contact model, gripper dimensions [m], how many candidates were tried."""
+
+    def __post_init__(self) -> None:
+        for name in ("points_part", "normals_part", "force_part", "T_part_gripper"):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, frozen_array(value, np.float64))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """One part brought from its resting pose to its assembled pose."""
+
+    part: str
+    fixed: tuple[str, ...]
+    """Parts already placed."""
+    motion: Motion
+    contact: Contact | None
+    contact_reason: str | None = None
+    """Why there is no contact; None if there is one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unsolved:
+    """A part for which no step was found, and why."""
+
+    part: str
+    answer: Answer
+    blocked_by: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Table:
+    """The plane ``normal · x = offset`` on which resting parts stand; gravity is along -normal."""
+
+    normal: Float[np.ndarray, "3"]
+    offset: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "normal", frozen_array(self.normal, np.float64))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AssemblyPlan:
+    """A plan, complete or partial, as written to plan.json."""
+
+    status: Literal["complete", "partial"]
+    """Complete: every part has a step, and the independent check found nothing wrong."""
+    source: Source
+    parts: Mapping[str, Float[np.ndarray, "4 4"]]
+    """Assembled pose ``T_world_part`` of each part."""
+    order: tuple[str, ...]
+    """Assembly order, base part first."""
+    steps: tuple[Step, ...]
+    """One for each name in ``order``."""
+    unsolved: tuple[Unsolved, ...] = ()
+    table: Table | None = None
+    overlaps: tuple[Overlap, ...] = ()
+    identical: tuple[tuple[str, ...], ...] = ()
+    notes: tuple[str, ...] = ()
+    config: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    version: str = ""
+    """Package version that made the plan."""
+    timings: Mapping[str, float] = field(default_factory=dict)
+    """Seconds by stage; the only fields that differ between two runs with the same seed."""
