@@ -13,6 +13,8 @@ from numba import njit
 
 _LEAF_SIZE = 4
 _STACK_SIZE = 128
+_MIDPOINT_LEVELS = 64
+"""Below this level nodes are halved by count, so that the depth stays under the stack size."""
 
 
 class SignedDistance:
@@ -29,6 +31,11 @@ class SignedDistance:
         self._triangles = triangles[order]
         self._normals = _pseudonormals(vertices, faces)[order]
 
+    @property
+    def hierarchy(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The boxes (node, 6), links (node, 2), triangles (face, 3, 3) and unit face normals, in tree order."""
+        return self._boxes, self._links, self._triangles, self._normals[:, 0]
+
     def query(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the signed distance of each point [m], negative inside."""
         points = np.ascontiguousarray(points, dtype=np.float64)
@@ -39,6 +46,27 @@ class SignedDistance:
     def depth(self, points: Float[np.ndarray, "n 3"], T: Float[np.ndarray, "4 4"]) -> float:
         """Return how deep the deepest of the points, moved by T, lies inside [m]; 0 if none does."""
         return _depth(points, T, self._boxes, self._links, self._triangles, self._normals)
+
+    def march(
+        self,
+        points: Float[np.ndarray, "n 3"],
+        direction: Float[np.ndarray, "3"],
+        *,
+        length: float,
+        limit: float,
+        least_step: float,
+    ) -> tuple[float, float]:
+        """Return how far the points travel along a unit direction before one is deeper than ``limit``.
+
+        Sphere tracing, the points in the mesh frame: one that is d outside cannot be deeper than the
+        limit before it has gone d + limit, so nothing is jumped but dips shorter than ``least_step``.
+        Returns (travel [m], infinite if no point gets too deep within ``length``; deepest depth met [m]).
+        """
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        direction = np.ascontiguousarray(direction, dtype=np.float64)
+        return _march(
+            points, direction, length, limit, least_step, self._boxes, self._links, self._triangles, self._normals
+        )
 
     def contains(self, point: Float[np.ndarray, "3"]) -> bool:
         """Return whether the point lies strictly inside."""
@@ -74,53 +102,52 @@ def _pseudonormals(
 
 @njit(cache=True, nogil=True)
 def _build(triangles):  # pragma: no cover - compiled
-    """Median-split hierarchy: triangle order, node boxes (node, 6), links (first child or start, count)."""
+    """Midpoint-split hierarchy: triangle order, node boxes (node, 6), links (first child or start, count)."""
     n = triangles.shape[0]
-    centers = (triangles[:, 0] + triangles[:, 1] + triangles[:, 2]) / 3.0
-    order = np.arange(n)
+    centers = np.empty((n, 3))
+    order = np.empty(n, np.int64)
+    for m in range(n):
+        order[m] = m
+        for k in range(3):
+            centers[m, k] = (triangles[m, 0, k] + triangles[m, 1, k] + triangles[m, 2, k]) / 3.0
     boxes = np.empty((2 * n + 1, 6))
     links = np.zeros((2 * n + 1, 2), np.int32)
-    todo = np.empty((_STACK_SIZE, 3), np.int64)
-    todo[0] = (0, 0, n)
+    todo = np.empty((_STACK_SIZE, 4), np.int64)
+    todo[0, 0], todo[0, 1], todo[0, 2], todo[0, 3] = 0, 0, n, 0
     top = 1
     nodes = 1
+    low = np.empty(3)
+    high = np.empty(3)
     while top > 0:
         top -= 1
-        node, start, stop = todo[top]
+        node, start, stop, level = todo[top, 0], todo[top, 1], todo[top, 2], todo[top, 3]
         for k in range(3):
-            low = np.inf
-            high = -np.inf
+            boxes[node, k], boxes[node, 3 + k] = np.inf, -np.inf
+            low[k], high[k] = np.inf, -np.inf
             for m in range(start, stop):
                 for c in range(3):
-                    value = triangles[order[m], c, k]
-                    low = min(low, value)
-                    high = max(high, value)
-            boxes[node, k] = low
-            boxes[node, 3 + k] = high
+                    boxes[node, k] = min(boxes[node, k], triangles[order[m], c, k])
+                    boxes[node, 3 + k] = max(boxes[node, 3 + k], triangles[order[m], c, k])
+                low[k] = min(low[k], centers[order[m], k])
+                high[k] = max(high[k], centers[order[m], k])
         if stop - start <= _LEAF_SIZE:
-            links[node, 0] = start
-            links[node, 1] = stop - start
+            links[node, 0], links[node, 1] = start, stop - start
             continue
         axis = 0
-        spread = -1.0
-        for k in range(3):
-            low = np.inf
-            high = -np.inf
-            for m in range(start, stop):
-                low = min(low, centers[order[m], k])
-                high = max(high, centers[order[m], k])
-            if high - low > spread:
-                spread = high - low
+        for k in range(1, 3):
+            if high[k] - low[k] > high[axis] - low[axis]:
                 axis = k
-        keys = np.empty(stop - start)
+        cut = 0.5 * (low[axis] + high[axis])
+        middle = start
         for m in range(start, stop):
-            keys[m - start] = centers[order[m], axis]
-        order[start:stop] = order[start:stop][np.argsort(keys, kind="mergesort")]
-        middle = (start + stop) // 2
+            if centers[order[m], axis] < cut:
+                order[m], order[middle] = order[middle], order[m]
+                middle += 1
+        if middle == start or middle == stop or level > _MIDPOINT_LEVELS:
+            middle = (start + stop) // 2
         links[node, 0] = nodes
-        links[node, 1] = 0
-        todo[top] = (nodes, start, middle)
-        todo[top + 1] = (nodes + 1, middle, stop)
+        todo[top, 0], todo[top, 1], todo[top, 2], todo[top, 3] = nodes, start, middle, level + 1
+        todo[top + 1, 0], todo[top + 1, 1], todo[top + 1, 2], todo[top + 1, 3] = nodes + 1, middle, stop, level + 1
         top += 2
         nodes += 2
     return order, boxes[:nodes].copy(), links[:nodes].copy()
@@ -246,3 +273,40 @@ def _depth(points, T, boxes, links, triangles, normals):  # pragma: no cover - c
             continue
         deepest = max(deepest, -_signed_distance(x, y, z, boxes, links, triangles, normals))
     return deepest
+
+
+@njit(cache=True, nogil=True)
+def _march(points, direction, length, limit, least_step, boxes, links, triangles, normals):
+    # pragma: no cover - compiled
+    travel = np.inf
+    deepest = 0.0
+    for k in range(points.shape[0]):
+        start, stop = 0.0, min(length, travel)
+        for axis in range(3):
+            slope = direction[axis]
+            to_low = boxes[0, axis] - points[k, axis]
+            to_high = boxes[0, 3 + axis] - points[k, axis]
+            if abs(slope) < 1e-15:
+                if to_low > 0.0 or to_high < 0.0:
+                    stop = -1.0
+            else:
+                t0, t1 = to_low / slope, to_high / slope
+                start = max(start, min(t0, t1))
+                stop = min(stop, max(t0, t1))
+        t = start
+        while t <= stop:
+            depth = -_signed_distance(
+                points[k, 0] + t * direction[0],
+                points[k, 1] + t * direction[1],
+                points[k, 2] + t * direction[2],
+                boxes,
+                links,
+                triangles,
+                normals,
+            )
+            deepest = max(deepest, depth)
+            if depth > limit:
+                travel = min(travel, t)
+                break
+            t += max(limit - depth, least_step)
+    return travel, deepest

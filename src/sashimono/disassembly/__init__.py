@@ -1,0 +1,1 @@
+"""Level 1: which part can leave, along which motion, and in which orders."""

@@ -1,0 +1,277 @@
+"""Which parts stop a part that moves to infinity along a direction (Wilson's blocking relation).
+
+Three looks, each only at what the one before left open: coarse depth maps of all parts at once, a
+fine map of two parts' common window, and sphere tracing of surface points, which has the last word:
+a motion that it passes goes nowhere deeper than the pair overlaps already, plus the tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from sashimono.assembly import Assembly
+from sashimono.disassembly import raster
+from sashimono.geometry import se3
+from sashimono.geometry.body import Body, SampleConfig
+from sashimono.geometry.directions import (
+    DirectionConfig,
+    frame_along,
+    inertia_directions,
+    merge_directions,
+    part_directions,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockingConfig:
+    """Resolution and tolerances of the blocking relation; lengths are relative to the smaller part's
+    smallest inertia-frame extent unless said otherwise."""
+
+    directions: DirectionConfig = field(default_factory=DirectionConfig)
+    samples: SampleConfig = field(default_factory=SampleConfig)
+    coarse_resolution: int = 128
+    """Pixels across the whole assembly in the first look."""
+    coarse_margin: int = 2
+    """A square of 2 margin + 1 coarse pixels must overlap to call a pair blocked at first look."""
+    pixel: float = 1.0 / 40.0
+    """Pixel of the second look."""
+    window_cap: int = 512
+    """Most pixels along a side of the second look's window; a wider one gets coarser pixels."""
+    margin: int = 1
+    """A square of 2 margin + 1 fine pixels must overlap: less is contact along a wall."""
+    axial: float = 0.05
+    """Overlap along the motion that counts as contact of end faces."""
+    tolerance: float = 0.015
+    """Depth beyond the assembled overlap that the last look allows; under the verification tolerance."""
+    least_step: float = 1.0 / 16.0
+    """Shortest step of the sphere tracing along a wall that the part slides on."""
+
+
+class Blocking:
+    """The blocking relation of one assembly over a list of directions, worked out as it is asked for.
+
+    A pure function of the assembly and the configuration: what was asked before changes how fast an
+    answer comes, never what it is. Signed direction ``2 k`` is ``+directions[k]``, ``2 k + 1`` the
+    opposite. Part sets are bit masks: bit i is ``assembly.parts[i]``.
+    """
+
+    def __init__(self, assembly: Assembly, *, config: BlockingConfig, rng: np.random.Generator) -> None:
+        self.config = config
+        self.bodies = make_bodies(assembly, config=config.samples, rng=rng)
+        self.poses = [part.T_world_part for part in assembly.parts]
+        self._vertices = [part.vertices_world for part in assembly.parts]
+        self._faces = [part.faces for part in assembly.parts]
+        self._all_vertices = np.concatenate(self._vertices)
+        self._all_faces = np.concatenate(self._faces)
+        self._vertex_start = np.cumsum([0] + [len(v) for v in self._vertices])
+        self._face_start = np.cumsum([0] + [len(f) for f in self._faces])
+        self.sizes = np.array([body.smallest_extent for body in self.bodies])
+        self.allowances = pair_allowances(assembly, self.bodies)
+        self.directions = np.zeros((0, 3))
+        self._relation: list[np.ndarray] = []
+        self._rotated: dict[tuple[int, int], np.ndarray] = {}
+        self._passes: dict[tuple[int, int, int], bool] = {}
+        self._masks: dict[tuple[int, int], tuple[int, int]] = {}
+        self.count_fine = 0
+        self.count_traced = 0
+        self.add_directions(assembly_directions(assembly, self.bodies, config=config.directions))
+
+    def __len__(self) -> int:
+        return len(self.bodies)
+
+    @property
+    def all_parts(self) -> int:
+        """The mask of all parts."""
+        return (1 << len(self)) - 1
+
+    @property
+    def count_signed(self) -> int:
+        """How many signed directions there are."""
+        return 2 * len(self.directions)
+
+    def direction(self, signed: int) -> Float[np.ndarray, "3"]:
+        """Return the unit vector of a signed direction."""
+        line = self.directions[signed // 2]
+        return line if signed % 2 == 0 else -line
+
+    def add_directions(self, lines: Float[np.ndarray, "line 3"]) -> None:
+        """Extend the relation by more directions, sorted out by the coarse maps at once."""
+        config = self.config
+        options = np.array([config.axial, config.pixel, config.coarse_margin])
+        for line in lines:
+            rotated = self._all_vertices @ frame_along(line).T
+            relation = np.zeros((len(self), len(self)), np.uint8)
+            raster.classify(
+                rotated, self._vertex_start, self._all_faces, self._face_start, config.coarse_resolution,
+                self.sizes, self.allowances, options, relation,
+            )  # fmt: skip
+            self._relation.append(relation)
+        self.directions = np.concatenate([self.directions, lines])
+
+    def masks(self, part: int, signed: int) -> tuple[int, int]:
+        """Return the parts that surely block this part along a signed direction, and those still open."""
+        key = (part, signed)
+        if key not in self._masks:
+            relation = self._relation[signed // 2]
+            row = relation[part] if signed % 2 == 0 else relation[:, part]
+            self._masks[key] = (_mask(row == raster.BLOCKED), _mask(row == raster.OPEN))
+        return self._masks[key]
+
+    def blockers(self, part: int, signed: int, among: int | None = None) -> int:
+        """Return the mask of the parts, among those given, that stop this part along a signed direction."""
+        blocked, unclear = self.masks(part, signed)
+        if among is not None:
+            blocked, unclear = blocked & among, unclear & among
+        while unclear:
+            other = (unclear & -unclear).bit_length() - 1
+            unclear &= unclear - 1
+            if self.is_blocked_by(part, signed, other):
+                blocked |= 1 << other
+        return blocked
+
+    def is_free(self, part: int, signed: int, among: int) -> bool:
+        """Return whether this part can go to infinity along a signed direction past all of ``among``."""
+        among &= ~(1 << part)
+        blocked, unclear = self.masks(part, signed)
+        if blocked & among:
+            return False
+        for other in bits(unclear & among):
+            if self.is_blocked_by(part, signed, other):
+                return False
+        return all(self.passes(part, signed, other) for other in bits(among))
+
+    def is_blocked_by(self, part: int, signed: int, other: int) -> bool:
+        """Return whether ``other`` stops this part, by the maps (second look where the first left it open)."""
+        line = signed // 2
+        a, b = (part, other) if signed % 2 == 0 else (other, part)
+        relation = self._relation[line]
+        if relation[a, b] == raster.OPEN:
+            self.count_fine += 1
+            size = min(self.sizes[a], self.sizes[b])
+            allowance = self.allowances[a, b]
+            stopped = raster.pass_finely(
+                self._along(line, a), self._faces[a], self._along(line, b), self._faces[b],
+                max(self.config.pixel * size, 0.75 * allowance), self.config.window_cap,
+                max(self.config.axial * size, allowance), self.config.margin,
+            )  # fmt: skip
+            for (x, y), blocked in zip(((a, b), (b, a)), stopped, strict=True):
+                if relation[x, y] == raster.OPEN:
+                    self._set(line, x, y, raster.BLOCKED if blocked else raster.FREE)
+        return bool(relation[a, b] == raster.BLOCKED)
+
+    def passes(self, part: int, signed: int, other: int) -> bool:
+        """Return whether sphere tracing lets this part pass ``other``; a no is entered into the relation."""
+        line = signed // 2
+        a, b = (part, other) if signed % 2 == 0 else (other, part)
+        key = (line, a, b)
+        if key not in self._passes:
+            self.count_traced += 1
+            travel = self.travel(a, np.zeros(3), self.directions[line], b)
+            self._passes[key] = bool(np.isinf(travel))
+            if not self._passes[key]:
+                self._set(line, a, b, raster.BLOCKED)
+        return self._passes[key]
+
+    def travel(
+        self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], other: int
+    ) -> float:
+        """Return how far a part, displaced by ``offset``, goes along a unit direction before it is too
+        deep in ``other`` [m]; infinite if it passes."""
+        a, b = self.bodies[part], self.bodies[other]
+        T_b_a = se3.inverse(self.poses[other]) @ se3.make(None, offset) @ self.poses[part]
+        size = min(self.sizes[part], self.sizes[other])
+        limit = self.allowances[part, other] + self.config.tolerance * size
+        step = self.config.least_step * size
+        along_b = self.poses[other][:3, :3].T @ direction
+        length = _separation(a, b, T_b_a, along_b)
+        if length <= 0.0:
+            return np.inf
+        arguments = {"length": length, "limit": limit, "least_step": step}
+        first, _ = b.signed_distance.march(se3.apply(T_b_a, a.probes), along_b, **arguments)
+        if first == 0.0:
+            return 0.0
+        if np.isfinite(first):
+            arguments["length"] = first
+        back = se3.inverse(T_b_a)
+        second, _ = a.signed_distance.march(se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **arguments)
+        return min(first, second)
+
+    def world_bounds_along(self, part: int, direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
+        """Return the lowest and highest coordinate of a part along a unit direction, assembled [m]."""
+        along = self._vertices[part] @ direction
+        return np.array([along.min(), along.max()])
+
+    def _along(self, line: int, part: int) -> Float[np.ndarray, "vertex 3"]:
+        key = (line, part)
+        if key not in self._rotated:
+            self._rotated[key] = self._vertices[part] @ frame_along(self.directions[line]).T
+        return self._rotated[key]
+
+    def _set(self, line: int, a: int, b: int, value: int) -> None:
+        self._relation[line][a, b] = value
+        self._masks.pop((a, 2 * line), None)
+        self._masks.pop((b, 2 * line + 1), None)
+
+
+def bits(mask: int) -> list[int]:
+    """Return the positions of the set bits, lowest first."""
+    out = []
+    while mask:
+        low = mask & -mask
+        out.append(low.bit_length() - 1)
+        mask ^= low
+    return out
+
+
+def make_bodies(assembly: Assembly, *, config: SampleConfig, rng: np.random.Generator) -> list[Body]:
+    """Return the parts' bodies, each sampled with a generator of its own."""
+    return [
+        Body(part.vertices_part, part.faces, config=config, rng=child)
+        for part, child in zip(assembly.parts, rng.spawn(len(assembly)), strict=True)
+    ]
+
+
+def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndarray, "part part"]:
+    """Return how deep each pair overlaps in the assembled pose [m]: as deep it may be on its way."""
+    out = np.zeros((len(bodies), len(bodies)))
+    boxes = [part.bounds_world for part in assembly.parts]
+    for a in range(len(bodies)):
+        for b in range(a + 1, len(bodies)):
+            if (boxes[a][0] > boxes[b][1]).any() or (boxes[b][0] > boxes[a][1]).any():
+                continue
+            T_b_a = se3.inverse(assembly.parts[b].T_world_part) @ assembly.parts[a].T_world_part
+            depth = max(
+                bodies[b].signed_distance.depth(bodies[a].probes, T_b_a),
+                bodies[a].signed_distance.depth(bodies[b].probes, se3.inverse(T_b_a)),
+            )
+            out[a, b] = out[b, a] = depth
+    return out
+
+
+def assembly_directions(
+    assembly: Assembly, bodies: Sequence[Body], *, config: DirectionConfig
+) -> Float[np.ndarray, "line 3"]:
+    """Return the lines to try: world axes, then what the parts' faces, holes and inertia give."""
+    lists = [(np.eye(3), np.full(3, 1e3))]
+    for part, body in zip(assembly.parts, bodies, strict=True):
+        rotation = part.T_world_part[:3, :3]
+        lines, weights = part_directions(body.vertices, body.faces, config=config)
+        axes = inertia_directions(body.mass_properties.inertia, config=config)
+        axis_weights = np.full(len(axes), config.min_weight)
+        lists.append((np.concatenate([lines, axes]) @ rotation.T, np.concatenate([weights, axis_weights])))
+    return merge_directions(lists, config=config)
+
+
+def _separation(a: Body, b: Body, T_b_a: Float[np.ndarray, "4 4"], along_b: Float[np.ndarray, "3"]) -> float:
+    """How far a must go along the direction until its box is past b's, as seen along the direction."""
+    back = float((se3.apply(T_b_a, a.vertices) @ along_b).min())
+    front = float((b.vertices @ along_b).max())
+    return front - back
+
+
+def _mask(row: Bool[np.ndarray, "part"]) -> int:
+    return int.from_bytes(np.packbits(row, bitorder="little").tobytes(), "little")

@@ -1,0 +1,189 @@
+"""The cascade: can this part leave the remaining ones, and by which motion?
+
+Each stage is asked only what the one before left open. Blocking tries single translations along the
+assembly's directions; then directions taken from the part's own contacts; then several translations
+in a row. A "no" is remembered with the parts it was found among, so that larger sets fail free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.assembly import Assembly
+from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
+from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
+from sashimono.disassembly.contacts import ContactNormals, escape_directions, immobile_margin
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.translation import TranslationConfig, search_translations
+from sashimono.plan import Answer
+
+STAGES = ("blocking", "contacts", "translation")
+"""Names of the stages, in the order in which they are asked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeparateConfig:
+    """Budgets and tolerances of the cascade."""
+
+    blocking: BlockingConfig = field(default_factory=BlockingConfig)
+    translation: TranslationConfig = field(default_factory=TranslationConfig)
+    contact_gap: float = 0.01
+    """Surfaces nearer than this share of the smaller part's extent touch."""
+    escape_samples: int = 2000
+    """Directions looked at when a way out is read off the contacts."""
+    proof_margin: float = 0.1
+    """Sine of the angle by which every direction must run into a touching surface to prove that no
+    translation exists; covers the spacing of the directions looked at."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Separation:
+    """What is known about one part among the remaining ones."""
+
+    answer: Answer
+    removal: Removal | None = None
+    """The witness, where the answer is FREE."""
+    signed: int | None = None
+    """Its direction in the blocking relation, where it is one of them."""
+    stage: str = ""
+    """The stage that answered."""
+    blocked_by: tuple[int, ...] = ()
+    """Parts met, where the answer is not FREE."""
+    reason: str = ""
+
+
+class Cascade:
+    """Answers separation questions about one assembly; what it found before only makes it faster."""
+
+    def __init__(self, assembly: Assembly, *, config: SeparateConfig, rng: np.random.Generator) -> None:
+        self.assembly = assembly
+        self.config = config
+        self.blocking = Blocking(assembly, config=config.blocking, rng=rng)
+        self._contacts = ContactNormals(self.blocking, gap=config.contact_gap)
+        self._failed: dict[int, list[tuple[int, Separation]]] = {}
+        self._found: dict[int, list[tuple[int, Separation]]] = {}
+
+    def single(
+        self,
+        part: int,
+        remaining: int,
+        *,
+        preference: Callable[[Float[np.ndarray, "3"]], float],
+        banned: frozenset[tuple[int, int]] = frozenset(),
+    ) -> Separation | None:
+        """Return a removal by one translation along a direction of the relation, the most preferred; or None."""
+        others = remaining & ~(1 << part)
+        table = self.blocking
+        order = sorted(range(table.count_signed), key=lambda s: (-round(preference(table.direction(s)), 6), s))
+        for signed in order:
+            if (part, signed) not in banned and table.is_free(part, signed, others):
+                return self._straight(part, others, table.direction(signed), signed=signed, stage="blocking")
+        return None
+
+    def further(self, part: int, remaining: int) -> Separation:
+        """Return what the later stages say of a part that no direction of the relation frees."""
+        others = remaining & ~(1 << part)
+        for known, separation in self._found.get(part, []):
+            if others & ~known == 0:
+                return separation
+        for known, separation in self._failed.get(part, []):
+            if known & ~others == 0:
+                return separation
+        separation = self._ask_further(part, others)
+        memory = self._found if separation.answer is Answer.FREE else self._failed
+        memory.setdefault(part, []).append((others, separation))
+        return separation
+
+    def touching(self, part: int) -> int:
+        """Return the mask of the parts that touch this one in the assembled pose."""
+        mask = 0
+        for other in range(len(self.blocking)):
+            if other != part and (self.blocking.allowances[part, other] > 0.0 or self._contacts.touch(part, other)):
+                mask |= 1 << other
+        return mask
+
+    def conditions(self) -> RemovalConditions:
+        """Return every part's removal conditions for single translations, each clause with its witness.
+
+        A part that no direction frees from the full assembly is also asked of the later stages.
+        """
+        everything = self.blocking.all_parts
+        clauses = []
+        for part in range(len(self.blocking)):
+            witness = self._single_clauses(part)
+            if 0 not in witness and len(self.blocking) > 1:
+                separation = self.further(part, everything)
+                if separation.removal is not None:
+                    witness = {0: separation.removal}
+            kept = minimal(witness)
+            clauses.append(tuple(Clause(blockers=mask, removal=witness[mask]) for mask in kept))
+        return RemovalConditions(names=self.assembly.names, clauses=tuple(clauses))
+
+    def _single_clauses(self, part: int) -> dict[int, Removal]:
+        """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
+        table = self.blocking
+        others = table.all_parts & ~(1 << part)
+        kept: dict[int, Removal] = {}
+        order = sorted(range(table.count_signed), key=lambda s: (sum(m.bit_count() for m in table.masks(part, s)), s))
+        for signed in order:
+            blocked = table.masks(part, signed)[0]
+            for other in bits(table.masks(part, signed)[1]):
+                if any(mask & blocked == mask for mask in kept):
+                    break
+                if table.is_blocked_by(part, signed, other):
+                    blocked |= 1 << other
+            for other in bits(others & ~blocked):
+                if any(mask & blocked == mask for mask in kept):
+                    break
+                if not table.passes(part, signed, other):
+                    blocked |= 1 << other
+            if any(mask & blocked == mask for mask in kept):
+                continue
+            kept = {mask: removal for mask, removal in kept.items() if blocked & mask != blocked}
+            kept[blocked] = self.straight(part, others & ~blocked, table.direction(signed))
+        return kept
+
+    def _ask_further(self, part: int, others: int) -> Separation:
+        table, config = self.blocking, self.config
+        normals, touching = self._contacts.of(part, others)
+        directions, margin = escape_directions(normals, samples=config.escape_samples)
+        for direction in directions:
+            if all(np.isinf(table.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
+                return self._straight(part, others, direction, signed=None, stage="contacts")
+        if margin < -config.proof_margin:
+            needed = immobile_margin(normals, touching, samples=config.escape_samples, margin=config.proof_margin)
+            return Separation(
+                answer=Answer.PROVEN_BLOCKED,
+                stage="contacts",
+                blocked_by=tuple(needed),
+                reason="proven for translations of this part alone: every direction runs into a touching surface",
+            )
+        found = search_translations(table, part, bits(others), config=config.translation)
+        if found.removal is not None:
+            return Separation(answer=Answer.FREE, removal=found.removal, stage="translation")
+        return Separation(
+            answer=Answer.UNKNOWN, stage="translation", blocked_by=tuple(found.blocked_by), reason=found.reason
+        )
+
+    def straight(self, part: int, others: int, direction: Float[np.ndarray, "3"]) -> Removal:
+        """Return the translation along a direction that takes the part's box past those of the others."""
+        table = self.blocking
+        back = table.world_bounds_along(part, direction)[0]
+        front = max((table.world_bounds_along(k, direction)[1] for k in bits(others)), default=back)
+        clearance = 0.05 * table.sizes[part]
+        return Removal.straight(direction, max(front - back, 0.0) + clearance)
+
+    def _straight(
+        self, part: int, others: int, direction: Float[np.ndarray, "3"], *, signed: int | None, stage: str
+    ) -> Separation:
+        removal = self.straight(part, others, direction)
+        return Separation(answer=Answer.FREE, removal=removal, signed=signed, stage=stage)
+
+
+def names_of(assembly: Assembly, parts: Iterable[int]) -> tuple[str, ...]:
+    """Return the names of parts given by position."""
+    return tuple(assembly.names[k] for k in parts)

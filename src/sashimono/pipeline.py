@@ -1,0 +1,259 @@
+"""The three levels composed: sequence, motion, contact, and the independent check at the end."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from sashimono import __version__
+from sashimono.assembly import Assembly, Source
+from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
+from sashimono.disassembly.separate import Cascade, SeparateConfig, Separation, names_of
+from sashimono.disassembly.sequence import Ban, DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.motion import MotionConfig, MotionResult, plan_motions
+from sashimono.plan import Answer, AssemblyPlan, Step, Unsolved
+from sashimono.verify import VerifyConfig, VerifyReport, verify_plan
+
+logger = logging.getLogger(__name__)
+
+Progress = Callable[[str, int, int], None]
+"""Called with (stage, done, total)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PipelineConfig:
+    """Options of every level, and how often they go back to one another."""
+
+    separate: SeparateConfig = field(default_factory=SeparateConfig)
+    sequence: SequenceConfig = field(default_factory=SequenceConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    contact: ContactConfig = field(default_factory=ContactConfig)
+    verify: VerifyConfig = field(default_factory=VerifyConfig)
+    gripper: str = "auto"
+    """A preset's name, or ``auto``: generic jaws in proportion to each part."""
+    contacts: bool = True
+    """Whether level 3 runs."""
+    max_attempts: int = 4
+    """Sequences tried: each part whose motion fails, or is refuted, is refused that direction in the next."""
+
+
+def plan_assembly(
+    assembly: Assembly,
+    *,
+    config: PipelineConfig | None = None,
+    seed: int = 0,
+    progress: Progress = lambda stage, done, total: None,
+) -> AssemblyPlan:
+    """Plan an assembly: an order, a motion and a contact for each part, checked independently.
+
+    The plan is ``complete`` only if every part has a motion and `verify_plan` found nothing wrong;
+    otherwise it is ``partial`` and says of each missing part what is known. The same seed gives the
+    same plan, timings apart. Raises SashimonoError for an unknown gripper.
+    """
+    config = config or PipelineConfig()
+    named_gripper(config.gripper)
+    clock = _Clock()
+    rng_level1, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
+    with clock.stage("sequence"):
+        cascade = Cascade(assembly, config=config.separate, rng=rng_level1)
+    banned: frozenset[Ban] = frozenset()
+    best: _Attempt | None = None
+    # spawned generators advance: each attempt gets its own, whatever the ones before drew
+    for motion_rng, contact_rng in zip(
+        rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
+    ):
+        attempt = _attempt(assembly, cascade, banned, config, (motion_rng, contact_rng), clock, progress)
+        if best is None or len(attempt.steps) > len(best.steps):
+            best = attempt
+        if not attempt.refused - banned:
+            break
+        banned |= attempt.refused
+        logger.info("going back to level 1 without %s", sorted(attempt.refused))
+    assert best is not None, "at least one attempt is made"
+    return _plan(assembly, best, config, seed, clock)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Attempt:
+    """One way down the levels and what the check said of it."""
+
+    motions: MotionResult
+    steps: tuple[Step, ...]
+    unsolved: tuple[Unsolved, ...]
+    refused: frozenset[Ban]
+    """Parts and directions that level 2 or the check refused."""
+    verified: bool
+
+
+def _attempt(
+    assembly: Assembly,
+    cascade: Cascade,
+    banned: frozenset[Ban],
+    config: PipelineConfig,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+    clock: _Clock,
+    progress: Progress,
+) -> _Attempt:
+    count = len(assembly) - 1
+    with clock.stage("sequence"):
+        found = find_disassembly(
+            cascade, config=config.sequence, banned=banned, progress=lambda done: progress("sequence", done, count)
+        )
+    witnesses = {assembly.names[part]: separation for part, separation in found.removals}
+    order = [assembly.names[found.base], *reversed(witnesses)]
+    stuck = [_unsolved(assembly, part, separation) for part, separation in found.stuck]
+    with clock.stage("motion"):
+        motions = plan_motions(
+            assembly,
+            order,
+            {name: s.removal for name, s in witnesses.items() if s.removal is not None},
+            config=config.motion,
+            rng=rngs[0],
+            in_place=[entry.part for entry in stuck],
+            progress=lambda done, total: progress("motion", done, total),
+        )
+    failed = {entry.part: entry for entry in motions.unsolved}
+    with clock.stage("contact"):
+        contacts = _contacts(assembly, [n for n in order if n not in failed], motions, config, rngs[1], progress)
+    steps = _steps([name for name in order if name not in failed], motions, contacts)
+    unsolved = [*stuck, *failed.values()]
+    draft = _draft(assembly, motions, steps, tuple(unsolved))
+    with clock.stage("verify"):
+        report = verify_plan(draft, assembly, config=config.verify)
+    progress("verify", 1, 1)
+    return _judge(found, assembly, motions, steps, tuple(unsolved), report, frozenset(failed))
+
+
+def _contacts(
+    assembly: Assembly,
+    order: list[str],
+    motions: MotionResult,
+    config: PipelineConfig,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> Mapping[str, ContactChoice]:
+    if not config.contacts:
+        return {name: ContactChoice(None, "contacts were not asked for") for name in order}
+    done = iter(range(1, len(order) + 1))
+    return choose_contacts(
+        assembly,
+        order,
+        motions.motions,
+        motions.table,
+        gripper=named_gripper(config.gripper),
+        config=config.contact,
+        rng=rng,
+        progress=lambda name: progress("contact", next(done), len(order)),
+    )
+
+
+def _judge(
+    found: DisassemblyResult,
+    assembly: Assembly,
+    motions: MotionResult,
+    steps: tuple[Step, ...],
+    unsolved: tuple[Unsolved, ...],
+    report: VerifyReport,
+    failed: frozenset[str],
+) -> _Attempt:
+    """Take out what the check refuted: a step that does not hold is no step."""
+    bad = {entry.part: entry.problems for entry in report.steps if not entry.ok}
+    directions = {part: separation.signed for part, separation in found.removals}
+    refused = frozenset(
+        (assembly.index(name), -1 if (signed := directions[assembly.index(name)]) is None else signed)
+        for name in {*failed, *bad}
+        if assembly.index(name) in directions
+    )
+    refuted = tuple(
+        Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=f"refuted by the check: {problems[0]}")
+        for name, problems in bad.items()
+    )
+    kept = _without(steps, frozenset(bad))
+    verified = report.ok and not unsolved
+    for name, problems in bad.items():
+        logger.info("%s refuted: %s", name, "; ".join(problems))
+    return _Attempt(
+        motions=motions, steps=kept, unsolved=(*unsolved, *refuted), refused=refused, verified=verified and not refuted
+    )
+
+
+def _without(steps: tuple[Step, ...], names: frozenset[str]) -> tuple[Step, ...]:
+    return tuple(
+        replace(step, fixed=tuple(name for name in step.fixed if name not in names))
+        for step in steps
+        if step.part not in names
+    )
+
+
+def _steps(order: list[str], motions: MotionResult, contacts: Mapping[str, ContactChoice]) -> tuple[Step, ...]:
+    return tuple(
+        Step(
+            part=name,
+            fixed=tuple(order[:k]),
+            motion=motions.motions[name],
+            contact=contacts[name].contact,
+            contact_reason=contacts[name].reason,
+        )
+        for k, name in enumerate(order)
+    )
+
+
+def _unsolved(assembly: Assembly, part: int, separation: Separation) -> Unsolved:
+    return Unsolved(
+        part=assembly.names[part],
+        answer=separation.answer,
+        blocked_by=names_of(assembly, separation.blocked_by),
+        reason=separation.reason,
+    )
+
+
+def _draft(
+    assembly: Assembly, motions: MotionResult, steps: tuple[Step, ...], unsolved: tuple[Unsolved, ...]
+) -> AssemblyPlan:
+    return AssemblyPlan(
+        status="partial" if unsolved else "complete",
+        source=assembly.source or Source(path="", sha256="", unit="m"),
+        parts={part.name: part.T_world_part for part in assembly.parts},
+        order=tuple(step.part for step in steps),
+        steps=steps,
+        unsolved=unsolved,
+        table=motions.table,
+        overlaps=assembly.overlaps,
+        identical=assembly.identical,
+        notes=assembly.notes,
+    )
+
+
+def _plan(
+    assembly: Assembly, attempt: _Attempt, config: PipelineConfig, seed: int, clock: _Clock
+) -> AssemblyPlan:
+    draft = _draft(assembly, attempt.motions, attempt.steps, attempt.unsolved)
+    return replace(
+        draft,
+        status="complete" if attempt.verified else "partial",
+        config=asdict(config),
+        seed=seed,
+        version=__version__,
+        timings=clock.seconds,
+    )
+
+
+class _Clock:
+    """Seconds spent by stage; reported, never decided on."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
