@@ -7,6 +7,7 @@ collision.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,11 +22,11 @@ class DirectionConfig:
     """Most directions taken from one part."""
     total: int = 40
     """Most directions tried for every part of the assembly."""
-    merge_angle: float = np.radians(0.5)
+    merge_angle: float = math.radians(0.5)
     """Lines nearer than this [rad] are one."""
     min_weight: float = 0.01
     """Smallest share of a part's surface that must face along, or turn about, a direction."""
-    smooth_angle: float = np.radians(46.0)
+    smooth_angle: float = math.radians(46.0)
     """Largest angle [rad] between neighbouring facets of one curved face (an octagon is still a cylinder)."""
     distinct_inertia: float = 0.01
     """Relative difference of principal moments under which their axes are not determined."""
@@ -66,8 +67,8 @@ def inertia_directions(
 
 
 def merge_directions(
-    lists: list[tuple[Float[np.ndarray, "line 3"], Float[np.ndarray, "line"]]], *, config: DirectionConfig
-) -> Float[np.ndarray, "line 3"]:
+    lists: list[tuple[Float[np.ndarray, "_ 3"], Float[np.ndarray, "_"]]], *, config: DirectionConfig
+) -> Float[np.ndarray, "merged 3"]:
     """Return the directions to try for a whole assembly, heaviest first, at most ``config.total``."""
     lines = np.concatenate([entry[0] for entry in lists])
     weights = np.concatenate([entry[1] for entry in lists])

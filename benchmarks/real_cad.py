@@ -1,0 +1,104 @@
+"""Whole-process planning of real CAD assemblies: ended, complete, refuted, time and memory.
+
+    python benchmarks/real_cad.py [NAME ...] [--jobs 2] [--second-opinion]
+
+Each assembly is planned by ``sashimono plan`` in a process of its own. Failures stay in the
+denominator, each with its reason. ``--second-opinion`` looks at every complete plan once more by a
+third route, exact boolean intersections along the motion (`second_opinion.py`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from common import SHARED, chosen, kind_of, machine, parser, table, write_json
+from second_opinion import refutations
+
+LIMIT = 1800.0
+"""Seconds after which a run counts as crashed."""
+
+
+def main() -> None:
+    arguments = parser(__doc__, "real_cad.json")
+    arguments.add_argument("--jobs", type=int, default=1, help="processes at a time; 1 for figures of time")
+    arguments.add_argument("--second-opinion", action="store_true", help="check complete plans by booleans as well")
+    options = arguments.parse_args()
+    folders = chosen(SHARED / "assemblies", options.names)
+    with ThreadPoolExecutor(options.jobs) as pool:
+        rows = []
+        for row in pool.map(lambda folder: measure(folder, second=options.second_opinion), folders):
+            rows.append(row)
+            print(f"{row['name']}: {row['status']}, exit {row['exit']}, {row['cpu_s']} s", file=sys.stderr, flush=True)
+    summary = summarise(rows)
+    write_json(options.json, {"machine": machine(), "summary": summary, "assemblies": rows})
+    print(table(("kind", "assemblies", "ended", "complete", "refuted", "median cpu s", "worst cpu s", "worst MB"),
+                ([kind, *values.values()] for kind, values in summary.items())))  # fmt: skip
+    for row in rows:
+        if row["status"] != "complete":
+            print(f"- {row['name']} ({row['kind']}, {row['parts']} parts): {row['reason']}")
+
+
+def measure(folder: Path, *, second: bool) -> dict:
+    """Plan one assembly and return what came of it."""
+    parts = len(list(folder.glob("*.obj")))
+    row = {"name": folder.name, "kind": kind_of(folder.name, parts), "parts": parts}
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "sashimono.cli", "plan", str(folder), "--out", out, "--unit", "mm"]
+        with tempfile.TemporaryFile("w+") as said:
+            start = time.perf_counter()
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, env=os.environ | {"COLUMNS": "200"})
+            _, status, usage = os.wait4(process.pid, 0)
+            wall = time.perf_counter() - start
+            process.returncode = os.waitstatus_to_exitcode(status)
+            said.seek(0)
+            errors = said.read().strip().splitlines()
+        row |= {
+            "exit": process.returncode,
+            "cpu_s": round(usage.ru_utime + usage.ru_stime, 2),
+            "wall_s": round(wall, 2),
+            "peak_mb": round(usage.ru_maxrss / 1024),
+        }
+        path = Path(out) / "plan.json"
+        if process.returncode not in (0, 3) or not path.exists():
+            return row | {"status": "crashed", "reason": errors[-1] if errors else "no plan.json", "refuted": []}
+        plan = json.loads(path.read_text())
+        refuted = refutations(path, folder) if second and plan["status"] == "complete" else []
+    return row | {
+        "status": plan["status"],
+        "refuted": refuted,
+        "grasps": sum(step["contact"] is not None for step in plan["steps"]),
+        "timings": plan.get("timings"),
+        "reason": "; ".join(f"{u['part']} {u['answer']} ({u['reason']})" for u in plan["unsolved"]),
+    }
+
+
+def summarise(rows: list[dict]) -> dict[str, dict]:
+    """Return the counts by kind and for all."""
+    kinds: dict[str, list[dict]] = defaultdict(list)
+    for row in rows:
+        kinds[row["kind"]].append(row)
+        kinds["all"].append(row)
+    return {
+        kind: {
+            "assemblies": len(group),
+            "ended": sum(row["exit"] in (0, 3) for row in group),
+            "complete": sum(row["status"] == "complete" for row in group),
+            "refuted": sum(bool(row["refuted"]) for row in group),
+            "median_cpu_s": sorted(row["cpu_s"] for row in group)[len(group) // 2],
+            "worst_cpu_s": max(row["cpu_s"] for row in group),
+            "worst_mb": max(row["peak_mb"] for row in group),
+        }
+        for kind, group in sorted(kinds.items(), key=lambda item: (item[0] == "all", item[0]))
+    }
+
+
+if __name__ == "__main__":
+    main()

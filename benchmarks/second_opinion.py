@@ -1,0 +1,123 @@
+"""A third look at a plan: exact boolean intersections along each motion, straight from plan.json.
+
+    python benchmarks/second_opinion.py PLAN.json INPUT
+
+Reads the JSON and the meshes by itself, moves each part along its path in small steps and measures
+the intersection with every placed and every resting part by manifold3d. Uses neither the planners nor
+`sashimono.verify`, but for the file reader. A pair is refuted where the intersection is deeper than in
+the assembled pose: where its volume exceeds the assembled one by more than a film over the contact
+could explain, and its thickness (2 V / A) exceeds the assembled one plus the tolerance.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import manifold3d
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from sashimono.assembly import Assembly
+from sashimono.io.read import read_assembly
+
+POSES_PER_STEP = 60
+TOLERANCE = 0.02
+
+
+def main() -> None:
+    found = refutations(Path(sys.argv[1]), Path(sys.argv[2]))
+    print("\n".join(found) or "nothing found against it")
+    raise SystemExit(3 if found else 0)
+
+
+def refutations(plan_path: Path, source: Path) -> list[str]:
+    """Return what speaks against a plan, a line each."""
+    plan = json.loads(plan_path.read_text())
+    assembly = read_assembly(source, unit=plan["source"]["unit"])
+    solids = {part.name: solid(part.vertices_part, part.faces) for part in assembly.parts}
+    sizes = {part.name: extent(part.vertices_part, solids[part.name]) for part in assembly.parts}
+    poses = {part["name"]: np.array(part["T_world_part"]) for part in plan["parts"]}
+    starts = {step["part"]: np.array(step["path"]["T_world_part"][0]) for step in plan["steps"]}
+    out = wrong_poses(plan, assembly)
+    for k, step in enumerate(plan["steps"][1:], start=1):
+        others = {name: placed(solids[name], poses[name]) for name in step["fixed"]}
+        others |= {s["part"]: placed(solids[s["part"]], starts[s["part"]]) for s in plan["steps"][k + 1 :]}
+        moving, name = solids[step["part"]], step["part"]
+        allowed = {
+            other: thickness(placed(moving, poses[name]) ^ body) if other in step["fixed"] else 0.0
+            for other, body in others.items()
+        }
+        worst: dict[str, float] = {}
+        for T in resampled(np.array(step["path"]["T_world_part"])):
+            here = placed(moving, T)
+            for other, body in others.items():
+                if boxes_meet(here, body):
+                    worst[other] = max(worst.get(other, 0.0), thickness(here ^ body))
+        for other, depth in worst.items():
+            tolerance = TOLERANCE * min(sizes[name], sizes[other])
+            if depth > allowed[other] + tolerance:
+                out.append(
+                    f"{name} overlaps {other} {depth * 1e3:.4g} mm thick on its way, "
+                    f"{allowed[other] * 1e3:.4g} mm assembled (tolerance {tolerance * 1e3:.4g} mm)"
+                )
+    return out
+
+
+def wrong_poses(plan: dict, assembly: Assembly) -> list[str]:
+    """Return the parts whose path does not end in the input's assembled pose, and those never placed."""
+    out = [f"{name} is never placed" for name in assembly.names if name not in {s["part"] for s in plan["steps"]}]
+    for step in plan["steps"]:
+        end = np.array(step["path"]["T_world_part"][-1])
+        if np.abs(end - assembly.part(step["part"]).T_world_part).max() > 1e-9:
+            out.append(f"{step['part']} does not end in its assembled pose")
+    return out
+
+
+def solid(vertices: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
+    return manifold3d.Manifold(manifold3d.Mesh64(vertices.astype(np.float64), faces.astype(np.uint64)))
+
+
+def extent(vertices: np.ndarray, body: manifold3d.Manifold) -> float:
+    """Smallest extent along the principal axes of the vertices of a fine sampling of the solid's volume."""
+    mesh = body.refine_to_length(float(np.ptp(vertices, axis=0).max()) / 20).to_mesh64()
+    points = mesh.vert_properties[:, :3]
+    corners = points[mesh.tri_verts.astype(np.int64)]
+    weights = np.einsum("fi,fi->f", corners[:, 0] - points[0], np.cross(corners[:, 1] - points[0], corners[:, 2] - points[0]))
+    middles = (corners.sum(axis=1) + points[0]) / 4
+    centre = weights @ middles / weights.sum()
+    spread = np.einsum("f,fi,fj->ij", weights, middles - centre, middles - centre) / weights.sum()
+    return float(np.ptp(vertices @ np.linalg.eigh(spread)[1], axis=0).min())
+
+
+def placed(body: manifold3d.Manifold, T: np.ndarray) -> manifold3d.Manifold:
+    return body.transform(T[:3])
+
+
+def boxes_meet(a: manifold3d.Manifold, b: manifold3d.Manifold) -> bool:
+    box_a, box_b = np.array(a.bounding_box()), np.array(b.bounding_box())
+    return bool((box_a[:3] <= box_b[3:]).all() and (box_b[:3] <= box_a[3:]).all())
+
+
+def thickness(common: manifold3d.Manifold) -> float:
+    area = common.surface_area()
+    return 2.0 * common.volume() / area if area > 0.0 else 0.0
+
+
+def resampled(path: np.ndarray) -> list[np.ndarray]:
+    """Return poses along the geodesics of a path, evenly over its segments' translation."""
+    lengths = np.linalg.norm(np.diff(path[:, :3, 3], axis=0), axis=1) + 1e-12
+    out = []
+    for a, b, length in zip(path[:-1], path[1:], lengths, strict=True):
+        start, end = RigidTransform.from_matrix(a), RigidTransform.from_matrix(b)
+        twist = (start.inv() * end).as_exp_coords()
+        turned = Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).magnitude()
+        count = max(3, round(POSES_PER_STEP * length / lengths.sum()), int(np.ceil(turned / 0.2)))
+        for u in np.linspace(0.0, 1.0, count, endpoint=False):
+            out.append((start * RigidTransform.from_exp_coords(u * twist)).as_matrix())
+    return [*out, path[-1]]
+
+
+if __name__ == "__main__":
+    main()

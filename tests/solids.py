@@ -1,0 +1,64 @@
+"""Small solids with known answers, in metres."""
+
+from __future__ import annotations
+
+import manifold3d
+import numpy as np
+
+from sashimono.assembly import Assembly, Part
+
+Manifold = manifold3d.Manifold
+
+
+def box(size: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Manifold:
+    """A box of this size centred at a point."""
+    return Manifold.cube(size, center=True).translate(at)
+
+
+def rod(radius: float, height: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0), segments: int = 48) -> Manifold:
+    """A cylinder along z centred at a point."""
+    return Manifold.cylinder(height, radius, radius, segments, center=True).translate(at)
+
+
+def part(name: str, solid: Manifold, T_world_part: np.ndarray | None = None) -> Part:
+    """A part whose mesh is the solid, in place unless a pose is given."""
+    mesh = solid.to_mesh64()
+    return Part(
+        name=name,
+        vertices_part=np.array(mesh.vert_properties[:, :3]),
+        faces=np.array(mesh.tri_verts, dtype=np.int32),
+        T_world_part=np.eye(4) if T_world_part is None else T_world_part,
+    )
+
+
+def assembly(**solids: Manifold) -> Assembly:
+    """An assembly of solids in place."""
+    return Assembly(parts=tuple(part(name, solid) for name, solid in solids.items()))
+
+
+def peg_in_plate(clearance: float = 0.0) -> Assembly:
+    """A 10 mm peg through a plate: leaves along z only."""
+    plate = box((0.06, 0.06, 0.02)) - rod(0.005 + clearance, 0.04)
+    return assembly(plate=plate, peg=rod(0.005, 0.04))
+
+
+def box_with_lid() -> Assembly:
+    """An open box, a cube inside, a lid on top: the cube is caught until the lid or the box is gone."""
+    shell = box((0.06, 0.06, 0.04)) - box((0.05, 0.05, 0.04), (0.0, 0.0, 0.005))
+    content = box((0.02, 0.02, 0.02), (0.0, 0.0, -0.005))
+    return assembly(shell=shell, content=content, lid=box((0.06, 0.06, 0.004), (0.0, 0.0, 0.022)))
+
+
+def linked_rings() -> Assembly:
+    """Two square rings through one another: nothing ever separates them."""
+    first = box((0.06, 0.06, 0.01)) - box((0.04, 0.04, 0.02))
+    second = (box((0.06, 0.01, 0.06)) - box((0.04, 0.02, 0.04))).translate((0.03, 0.0, 0.0))
+    return assembly(first=first, second=second)
+
+
+def l_tunnel() -> Assembly:
+    """A cube in the elbow of a tunnel with a bend: it leaves by two translations, not by one."""
+    block = box((0.06, 0.06, 0.06))
+    block -= box((0.01, 0.01, 0.05), (0.0, 0.0, -0.01))
+    block -= box((0.05, 0.01, 0.01), (0.02, 0.0, 0.01))
+    return assembly(block=block, cube=box((0.01, 0.01, 0.01), (0.0, 0.0, -0.02)) ^ box((1.0, 1.0, 1.0)))

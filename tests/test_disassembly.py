@@ -1,0 +1,196 @@
+"""Level 1: known answers, monotony, invariance, and the exact answers of the truth set."""
+
+import json
+from itertools import permutations
+from math import factorial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from solids import assembly, box, box_with_lid, l_tunnel, linked_rings, peg_in_plate, rod
+
+from sashimono.assembly import Assembly, Part
+from sashimono.disassembly.blocking import bits
+from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separate import Cascade, SeparateConfig
+from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
+from sashimono.disassembly.translation import TranslationConfig
+from sashimono.geometry import se3
+from sashimono.plan import Answer
+
+
+CONFIG = SeparateConfig(translation=TranslationConfig(max_expansions=8))
+
+
+def cascade_of(parts: Assembly, seed: int = 0) -> Cascade:
+    return Cascade(parts, config=CONFIG, rng=np.random.default_rng(seed))
+
+
+def clauses_of(parts: Assembly) -> dict[str, set[frozenset[str]]]:
+    conditions = cascade_of(parts).conditions()
+    return {
+        name: {frozenset(parts.names[k] for k in bits(clause.blockers)) for clause in clauses}
+        for name, clauses in zip(parts.names, conditions.clauses, strict=True)
+    }
+
+
+@pytest.mark.parametrize("clearance", [0.0, 1e-5, 2e-4])
+def test_a_peg_leaves_along_its_hole_only(clearance: float) -> None:
+    parts = peg_in_plate(clearance)
+    table = cascade_of(parts).blocking
+    free = [table.direction(s) for s in range(table.count_signed) if table.is_free(1, s, 0b01)]
+    assert len(free) == 2
+    np.testing.assert_allclose(np.abs(np.array(free)), [[0.0, 0.0, 1.0]] * 2, atol=1e-12)
+
+
+def test_content_leaves_when_the_lid_or_the_box_is_gone() -> None:
+    assert clauses_of(box_with_lid()) == {
+        "shell": {frozenset()},
+        "content": {frozenset({"lid"}), frozenset({"shell"})},
+        "lid": {frozenset()},
+    }
+
+
+def test_linked_rings_never_separate() -> None:
+    parts = linked_rings()
+    result = find_disassembly(cascade_of(parts), config=SequenceConfig())
+    assert result.removals == ()
+    assert len(result.stuck) == 1
+    assert result.stuck[0][1].answer in (Answer.PROVEN_BLOCKED, Answer.UNKNOWN)
+    assert result.stuck[0][1].reason
+
+
+def test_a_ball_in_a_fitting_socket_is_proven_blocked() -> None:
+    """A cube in a cube-shaped void: every direction runs into a wall, which is a proof and named as one."""
+    void = box((0.04, 0.04, 0.04)) - box((0.02, 0.02, 0.02))
+    parts = assembly(shell=void, cube=box((0.02, 0.02, 0.02)))
+    separation = cascade_of(parts).further(1, 0b11)
+    assert separation.answer is Answer.PROVEN_BLOCKED
+    assert separation.blocked_by == (0,)
+    assert "translations" in separation.reason
+
+
+def test_two_translations_where_one_is_not_enough() -> None:
+    parts = l_tunnel()
+    cascade = cascade_of(parts)
+    assert not any(cascade.blocking.is_free(1, s, 0b01) for s in range(cascade.blocking.count_signed) if s % 2 == 0)
+    separation = cascade.further(1, 0b11)
+    assert separation.answer is Answer.FREE
+    assert separation.removal is not None
+
+
+def test_a_thin_washer_is_not_jumped() -> None:
+    """A 0.2 mm washer under a bolt head: the bolt leaves upwards, not down through it."""
+    bolt = rod(0.005, 0.03) + rod(0.01, 0.006, (0.0, 0.0, 0.018))
+    washer = rod(0.012, 0.0002, (0.0, 0.0, 0.0149)) - rod(0.0051, 0.01, (0.0, 0.0, 0.0149))
+    parts = assembly(bolt=bolt, washer=washer)
+    table = cascade_of(parts).blocking
+    free = [table.direction(s)[2] for s in range(table.count_signed) if table.is_free(0, s, 0b10)]
+    assert free == [1.0]
+
+
+def test_removal_ends_clear_of_what_stays() -> None:
+    parts = box_with_lid()
+    result = find_disassembly(cascade_of(parts), config=SequenceConfig())
+    assert len(result.removals) == 2
+    left = {0, 1, 2}
+    for part, separation in result.removals:
+        assert separation.removal is not None
+        D = separation.removal.displacements[-1]
+        d = separation.removal.exit_direction
+        back = (se3.apply(D, parts.parts[part].vertices_world) @ d).min()
+        left.remove(part)
+        assert back > max((parts.parts[k].vertices_world @ d).max() for k in left)
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 1000))
+def test_conditions_do_not_change_with_a_rigid_motion_a_scale_or_names(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    parts = box_with_lid()
+    T = se3.exp(np.concatenate([rng.uniform(-1.0, 1.0, 3), rng.uniform(-2.0, 2.0, 3)]))
+    scale = 10.0 ** rng.uniform(-2.0, 2.0)
+    order = rng.permutation(3)
+    moved = Assembly(
+        parts=tuple(
+            Part(name=f"x{k}", vertices_part=scale * p.vertices_part, faces=p.faces, T_world_part=T)
+            for k, p in ((k, parts.parts[k]) for k in order)
+        )
+    )
+    renamed = {
+        f"x{parts.index(name)}": {frozenset(f"x{parts.index(n)}" for n in clause) for clause in clauses}
+        for name, clauses in clauses_of(parts).items()
+    }
+    assert clauses_of(moved) == renamed
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 1000))
+def test_adding_an_obstacle_never_frees_a_part(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    solids = {"a": box((0.02, 0.02, 0.02)), "b": box((0.02, 0.02, 0.02), (0.02, 0.0, 0.0))}
+    size = rng.uniform(0.005, 0.03, 3)
+    at = np.array([0.0, 0.0, 0.0]) + rng.choice([-1.0, 1.0], 3) * (0.011 + size / 2)
+    solids["c"] = box(tuple(size), tuple(at))
+    cascade = cascade_of(assembly(**solids))
+    table = cascade.blocking
+    for part in range(3):
+        for signed in range(table.count_signed):
+            if table.is_free(part, signed, 0b111):
+                assert all(table.is_free(part, signed, among) for among in range(8))
+
+
+def brute_force_orders(conditions: RemovalConditions) -> int:
+    count = 0
+    for order in permutations(range(len(conditions.names))):
+        remaining = (1 << len(order)) - 1
+        for part in order:
+            if not conditions.removable(remaining) >> part & 1:
+                break
+            remaining &= ~(1 << part)
+        count += remaining == 0
+    return count
+
+
+@given(st.integers(0, 10_000))
+def test_counted_orders_equal_the_listed_ones(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    removal = Removal.straight(np.array([0.0, 0.0, 1.0]), 1.0)
+    clauses = []
+    for part in range(5):
+        masks = minimal(int(m) & ~(1 << part) for m in rng.integers(0, 32, rng.integers(1, 4)))
+        clauses.append(tuple(Clause(blockers=mask, removal=removal) for mask in masks))
+    conditions = RemovalConditions(names=tuple("abcde"), clauses=tuple(clauses))
+    assert conditions.count_orders() == brute_force_orders(conditions)
+
+
+def test_orders_are_counted_not_listed_and_the_budget_is_honest() -> None:
+    removal = Removal.straight(np.array([0.0, 0.0, 1.0]), 1.0)
+    free = RemovalConditions(
+        names=tuple(str(k) for k in range(14)), clauses=((Clause(blockers=0, removal=removal),),) * 14
+    )
+    assert free.count_orders() == factorial(14)
+    assert free.count_orders(max_states=100) is None
+
+
+def test_minimal_keeps_no_superset() -> None:
+    assert minimal([0b111, 0b001, 0b110, 0b011, 0b110]) == [0b001, 0b110]
+
+
+@pytest.mark.parametrize("name", ["bolt_stack", "bolt_stack_tilt", "box_lid", "nested_cups6", "peg_facet_mismatch"])
+def test_conditions_are_the_exact_ones(truth_folder, name: str) -> None:
+    from sashimono.io.read import read_assembly
+
+    parts = read_assembly(truth_folder / name, unit="mm")
+    conditions = cascade_of(parts).conditions()
+    exact = json.loads((truth_folder / name / "truth.json").read_text())["removable"]
+    index = {n: k for k, n in enumerate(parts.names)}
+    for remaining in range(1, 1 << len(parts)):
+        if remaining & (remaining - 1) == 0:
+            continue
+        said = conditions.removable(remaining)
+        for k in bits(remaining):
+            right = any(not any(remaining >> index[n] & 1 for n in clause) for clause in exact[parts.names[k]] or [])
+            assert bool(said >> k & 1) == right, (parts.names[k], bin(remaining))
