@@ -27,7 +27,7 @@ class Removal:
     def __post_init__(self) -> None:
         displacements = frozen_array(self.displacements, np.float64)
         direction = np.asarray(self.exit_direction, dtype=np.float64)
-        assert displacements.ndim == 3 and displacements.shape[1:] == (4, 4), "waypoints are 4x4 displacements"
+        assert displacements.shape[1:] == (4, 4), "waypoints are 4x4 displacements"
         assert np.allclose(displacements[0], np.eye(4), atol=1e-12), "a removal starts in the assembled pose"
         assert abs(np.linalg.norm(direction) - 1.0) < 1e-6, "the exit direction is a unit vector"
         object.__setattr__(self, "displacements", displacements)

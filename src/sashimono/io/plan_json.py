@@ -1,0 +1,255 @@
+"""plan.json: plans written and read without loss. The layout is a contract; see plan.schema.json."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sashimono.assembly import Overlap, Source
+from sashimono.errors import PlanFormatError
+from sashimono.io.plan_schema import first_violation
+from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Table, Unsolved
+
+FORMAT = "sashimono.plan"
+VERSION = 1
+
+
+def write_plan(plan: AssemblyPlan, path: str | Path) -> None:
+    """Write a plan as plan.json, whole or not at all: to a temporary name beside it, then renamed.
+
+    The same plan gives the same bytes. Raises PlanFormatError if a value has no place in JSON (NaN, infinity, or
+    an object that is no number, text, list or mapping) or breaks the contract; then nothing is written.
+    """
+    text = plan_to_json(plan)
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def read_plan(path: str | Path) -> AssemblyPlan:
+    """Read a plan.json.
+
+    Raises PlanFormatError, one line with the place inside the file, if it is no JSON, or breaks the contract.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise PlanFormatError(f"{path}: cannot be read as a plan ({error}).") from error
+    try:
+        return plan_from_json(text)
+    except PlanFormatError as error:
+        raise PlanFormatError(f"{path}: {error}") from error
+
+
+def plan_to_json(plan: AssemblyPlan) -> str:
+    """Return the text of plan.json: one pose a line, floats in their shortest form that reads back the same."""
+    document = _plain(_document(plan), "$")
+    if violation := first_violation(document):
+        raise PlanFormatError(violation)
+    return "".join(_layout(document, 0)) + "\n"
+
+
+def plan_from_json(text: str) -> AssemblyPlan:
+    """Return the plan in the text of a plan.json; raises PlanFormatError with the JSON path of what is wrong."""
+    try:
+        document = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise PlanFormatError(f"not JSON: {error}") from error
+    if violation := first_violation(document):
+        raise PlanFormatError(violation)
+    for k, step in enumerate(document["steps"]):
+        if "moving" in step or "subassembly" in step:
+            raise PlanFormatError(f"$.steps[{k}]: moves a group of parts, which this version does not support")
+    return _plan(document)
+
+
+def _refuse_constant(name: str) -> float:
+    raise PlanFormatError(f"{name} is not a number in JSON")
+
+
+def _document(plan: AssemblyPlan) -> dict[str, Any]:
+    table = plan.table
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "status": plan.status,
+        "unit": "m",
+        "source": {"path": plan.source.path, "sha256": plan.source.sha256, "unit": plan.source.unit},
+        "interpolation": "geodesic",
+        "table": None if table is None else {"normal": table.normal, "offset": table.offset},
+        "parts": [{"name": name, "T_world_part": T} for name, T in plan.parts.items()],
+        "order": plan.order,
+        "steps": [_step_document(step) for step in plan.steps],
+        "unsolved": [
+            {"part": u.part, "answer": u.answer.value, "blocked_by": u.blocked_by, "reason": u.reason}
+            for u in plan.unsolved
+        ],
+        "overlaps": [
+            {"first": o.first, "second": o.second, "volume": o.volume, "fraction": o.fraction} for o in plan.overlaps
+        ],
+        "identical": plan.identical,
+        "notes": plan.notes,
+        "seed": plan.seed,
+        "sashimono_version": plan.version,
+        "config": plan.config,
+        "timings": plan.timings,
+    }
+
+
+def _step_document(step: Step) -> dict[str, Any]:
+    segments = [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in step.motion.segments]
+    return {
+        "part": step.part,
+        "fixed": step.fixed,
+        "path": {"T_world_part": step.motion.T_world_part, "segments": segments},
+        "contact": None if step.contact is None else _contact_document(step.contact),
+        "contact_reason": step.contact_reason,
+        "evidence": step.motion.evidence,
+    }
+
+
+def _contact_document(contact: Contact) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "kind": contact.kind,
+        "points_part": contact.points_part,
+        "normals_part": contact.normals_part,
+        "friction": contact.friction,
+        "quality": contact.quality,
+    }
+    if contact.force_part is not None:
+        out["force_part"] = contact.force_part
+    if contact.T_part_gripper is not None:
+        out["T_part_gripper"] = contact.T_part_gripper
+    out["details"] = contact.details
+    return out
+
+
+def _plain(value: Any, where: str) -> Any:
+    """Return the value in JSON's own types; raises PlanFormatError where it has none."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if value is None or isinstance(value, bool | str | int):
+        return str(value) if isinstance(value, str) else value
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise PlanFormatError(f"{where}: {value} cannot be written as JSON")
+        return value
+    if isinstance(value, Mapping):
+        if bad := [key for key in value if not isinstance(key, str)]:
+            raise PlanFormatError(f"{where}: key {bad[0]!r} is not text")
+        return {str(key): _plain(item, f"{where}.{key}") for key, item in value.items()}
+    if isinstance(value, Sequence):
+        return [_plain(item, f"{where}[{k}]") for k, item in enumerate(value)]
+    raise PlanFormatError(f"{where}: a {type(value).__name__} cannot be written as JSON")
+
+
+def _layout(value: Any, indent: int) -> Iterator[str]:
+    """Yield JSON text: mappings and lists of mappings broken over lines, poses one a line, short things in line."""
+    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if not isinstance(value, dict | list) or not value or (len(flat) + indent <= 100 and not _has_mapping(value)):
+        yield flat
+        return
+    if isinstance(value, list) and (_is_matrix(value) or not any(isinstance(item, dict | list) for item in value)):
+        yield flat
+        return
+    pad = " " * (indent + 1)
+    opening, closing = ("{", "}") if isinstance(value, dict) else ("[", "]")
+    items = value.items() if isinstance(value, dict) else ((None, item) for item in value)
+    yield opening
+    for k, (key, item) in enumerate(items):
+        yield f"{',' if k else ''}\n{pad}"
+        if key is not None:
+            yield f"{json.dumps(key, ensure_ascii=False)}: "
+        yield from _layout(item, indent + 1)
+    yield f"\n{' ' * indent}{closing}"
+
+
+def _has_mapping(value: Any) -> bool:
+    items = value.values() if isinstance(value, dict) else value
+    return any(
+        isinstance(item, dict | list) and item and (isinstance(item, dict) or _has_mapping(item)) for item in items
+    )
+
+
+def _is_matrix(value: list[Any]) -> bool:
+    return all(isinstance(row, list) and not any(isinstance(cell, dict | list) for cell in row) for row in value)
+
+
+def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
+    table = document["table"]
+    source = document["source"]
+    return AssemblyPlan(
+        status=document["status"],
+        source=Source(path=source["path"], sha256=source["sha256"], unit=source["unit"]),
+        parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
+        order=tuple(document["order"]),
+        steps=tuple(_step(step) for step in document["steps"]),
+        unsolved=_each(
+            document["unsolved"],
+            lambda u: Unsolved(
+                part=u["part"], answer=Answer(u["answer"]), blocked_by=tuple(u["blocked_by"]), reason=u["reason"]
+            ),
+        ),
+        table=None if table is None else Table(normal=np.array(table["normal"]), offset=float(table["offset"])),
+        overlaps=_each(
+            document.get("overlaps", ()),
+            lambda o: Overlap(first=o["first"], second=o["second"], volume=o["volume"], fraction=o["fraction"]),
+        ),
+        identical=_each(document.get("identical", ()), tuple),
+        notes=tuple(document.get("notes", ())),
+        config=document.get("config", {}),
+        seed=document.get("seed", 0),
+        version=document.get("sashimono_version", ""),
+        timings=document.get("timings", {}),
+    )
+
+
+def _each(items: Sequence[Any], make: Callable[[Any], Any]) -> tuple[Any, ...]:
+    return tuple(make(item) for item in items)
+
+
+def _step(step: Mapping[str, Any]) -> Step:
+    path, contact = step["path"], step["contact"]
+    return Step(
+        part=step["part"],
+        fixed=tuple(step["fixed"]),
+        motion=Motion(
+            T_world_part=np.array(path["T_world_part"], dtype=np.float64),
+            segments=_each(path["segments"], lambda s: Segment(kind=s["kind"], start=s["start"], stop=s["stop"])),
+            evidence=step["evidence"],
+        ),
+        contact=None if contact is None else _contact(contact),
+        contact_reason=step.get("contact_reason"),
+    )
+
+
+def _contact(contact: Mapping[str, Any]) -> Contact:
+    def array(name: str) -> np.ndarray | None:
+        return np.array(contact[name], dtype=np.float64) if contact.get(name) is not None else None
+
+    return Contact(
+        kind=contact["kind"],
+        points_part=np.array(contact["points_part"], dtype=np.float64).reshape(-1, 3),
+        normals_part=np.array(contact["normals_part"], dtype=np.float64).reshape(-1, 3),
+        friction=contact["friction"],
+        quality=contact["quality"],
+        force_part=array("force_part"),
+        T_part_gripper=array("T_part_gripper"),
+        details=contact.get("details", {}),
+    )

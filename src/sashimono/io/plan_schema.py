@@ -1,0 +1,92 @@
+"""The first place where a document breaks plan.schema.json, in one line.
+
+Reads the subset of JSON Schema that the shipped schema uses, so that reading a plan needs no further package.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import cache
+from importlib import resources
+from typing import Any
+
+_TYPES: dict[str, tuple[type, ...]] = {
+    "object": (dict,),
+    "array": (list,),
+    "string": (str,),
+    "number": (int, float),
+    "integer": (int,),
+    "null": (type(None),),
+}
+
+
+@cache
+def plan_schema() -> dict[str, Any]:
+    """Return the JSON Schema of plan.json."""
+    text = resources.files("sashimono.io").joinpath("plan.schema.json").read_text(encoding="utf-8")
+    return json.loads(text)
+
+
+def first_violation(document: Any) -> str | None:
+    """Return ``JSON path: what is wrong`` for the first thing that breaks the contract, or None.
+
+    Beyond the schema: numbers are finite and part names unique.
+    """
+    if violation := _check(document, plan_schema(), "$"):
+        return violation
+    names = [part["name"] for part in document["parts"]]
+    doubles = sorted({name for name in names if names.count(name) > 1})
+    return f"$.parts: the name {doubles[0]!r} is used twice" if doubles else None
+
+
+def _check(value: Any, schema: dict[str, Any], where: str) -> str | None:
+    if "$ref" in schema and (
+        violation := _check(value, plan_schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]], where)
+    ):
+        return violation
+    if "anyOf" in schema:
+        # report against the last alternative: the first is null
+        if any(_check(value, choice, where) is None for choice in schema["anyOf"]):
+            return None
+        return _check(value, schema["anyOf"][-1], where)
+    if "const" in schema and (value != schema["const"] or isinstance(value, bool)):
+        return f"{where}: is {_short(value)}, must be {schema['const']!r}"
+    if "enum" in schema and value not in schema["enum"]:
+        return f"{where}: is {_short(value)}, must be one of {', '.join(map(repr, schema['enum']))}"
+    if "type" in schema and (not isinstance(value, _TYPES[schema["type"]]) or isinstance(value, bool)):
+        return f"{where}: is {_short(value)}, must be of type {schema['type']}"
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{where}: is not a finite number"
+    if isinstance(value, int) and value < schema.get("minimum", value):
+        return f"{where}: is {value}, must be at least {schema['minimum']}"
+    if isinstance(value, dict):
+        return _check_object(value, schema, where)
+    return _check_array(value, schema, where) if isinstance(value, list) else None
+
+
+def _check_object(value: dict[str, Any], schema: dict[str, Any], where: str) -> str | None:
+    for name in schema.get("required", ()):
+        if name not in value:
+            return f"{where}: {name} is missing"
+    for name, inner in schema.get("properties", {}).items():
+        if name in value and (violation := _check(value[name], inner, f"{where}.{name}")):
+            return violation
+    return None
+
+
+def _check_array(value: list[Any], schema: dict[str, Any], where: str) -> str | None:
+    low, high = schema.get("minItems", 0), schema.get("maxItems", math.inf)
+    if not low <= len(value) <= high:
+        needed = f"{low}" if low == high else f"at least {low}"
+        return f"{where}: has {len(value)} items, must have {needed}"
+    if "items" in schema:
+        for k, item in enumerate(value):
+            if violation := _check(item, schema["items"], f"{where}[{k}]"):
+                return violation
+    return None
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

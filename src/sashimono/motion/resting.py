@@ -1,0 +1,120 @@
+"""Resting poses: which faces of its convex hull can a part stand on?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from sashimono.geometry import se3
+from sashimono.motion.body import Body
+from sashimono.motion.config import RestingConfig
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StablePose:
+    """A face of the convex hull over which the centre of mass stands."""
+
+    down_part: Float[np.ndarray, "3"]
+    """Outward unit normal of the face, in the part's frame: it points down when the part stands on it."""
+    margin: float
+    """Distance from the centre of mass's foot to the nearest edge of the face [m]."""
+    height: float
+    """Height of the centre of mass [m]."""
+
+    @property
+    def tipping_angle(self) -> float:
+        """Tilt of the table that the pose withstands [rad]."""
+        return float(np.arctan2(self.margin, self.height))
+
+
+def stable_poses(body: Body, config: RestingConfig | None = None) -> tuple[StablePose, ...]:
+    """Return every face on which the part stands, most stable first; never empty.
+
+    A part without a clear face (a sphere, a lying cylinder) stands on one facet of
+    its mesh: the one nearest to the centre of mass holds it, however narrow.
+    """
+    config = config or RestingConfig()
+    hull, points = body.hull, body.hull.points
+    corners = points[hull.simplices]
+    normals = hull.equations[:, :3]
+    faces = _coplanar_faces(hull.neighbors, normals, config.coplanar_angle)
+    # edge k of a triangle lies opposite its corner k, and so does neighbour k
+    origin, ahead = corners[:, [1, 2, 0]], corners[:, [2, 0, 1]]
+    along = ahead - origin
+    along = along / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), np.finfo(float).tiny)
+    inward = corners - origin
+    inward = inward - (inward * along).sum(axis=2, keepdims=True) * along
+    lengths = np.linalg.norm(inward, axis=2, keepdims=True)
+    inward = np.divide(inward, lengths, out=np.zeros_like(inward), where=lengths > 0.0)
+    inside = ((body.mass_center - origin) * inward).sum(axis=2)
+    inside[(faces[hull.neighbors] == faces[:, None]) | (lengths[:, :, 0] == 0.0)] = np.inf
+    margins = np.full(faces.max() + 1, np.inf)
+    np.minimum.at(margins, faces, inside.min(axis=1))
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    downs = np.zeros((len(margins), 3))
+    np.add.at(downs, faces, normals * areas[:, None])
+    lengths = np.linalg.norm(downs, axis=1)
+    solid = lengths > 0.0
+    downs[solid] /= lengths[solid, None]
+    heights = (body.hull_points @ downs.T).max(axis=0) - body.mass_center @ downs.T
+    stable = np.flatnonzero(solid & (margins > 0.0) & np.isfinite(margins))
+    if not len(stable):
+        stable = np.array([np.argmin(np.where(solid, heights, np.inf))])
+    poses = [
+        StablePose(
+            down_part=downs[k],
+            margin=max(float(margins[k]), 0.0) if np.isfinite(margins[k]) else 0.0,
+            height=float(heights[k]),
+        )
+        for k in stable
+    ]
+    # rounding keeps mirror-image faces in mesh order, whatever the last bits say
+    return tuple(sorted(poses, key=lambda pose: -round(pose.tipping_angle, 6)))
+
+
+def resting_rotation(
+    body: Body,
+    R_assembled: Float[np.ndarray, "3 3"],
+    normal: Float[np.ndarray, "3"],
+    config: RestingConfig,
+) -> tuple[Float[np.ndarray, "3 3"], StablePose]:
+    """Return the rotation in which the part rests on the table, and the stable pose it stands in.
+
+    Among the poses that are stable enough, the one least turned from the assembled
+    rotation; if none is, the most stable one.
+    """
+    poses = stable_poses(body, config)
+    enough = [pose for pose in poses if pose.tipping_angle >= config.min_tipping_angle] or poses[:1]
+    turns = [_least_rotation(R_assembled @ pose.down_part, -normal) for pose in enough]
+    best = min(range(len(enough)), key=lambda k: (round(_angle(turns[k]), 3), k))
+    return turns[best] @ R_assembled, enough[best]
+
+
+def _coplanar_faces(neighbors: np.ndarray, normals: np.ndarray, angle: float) -> np.ndarray:
+    """Label the hull's triangles by the flat face they belong to."""
+    count = len(normals)
+    first = np.repeat(np.arange(count), 3)
+    second = neighbors.reshape(-1)
+    flat = (np.linalg.norm(normals[first] - normals[second], axis=1) < angle) & (second >= 0)
+    graph = coo_array((np.ones(flat.sum()), (first[flat], second[flat])), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def _least_rotation(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """The least rotation that turns the unit vector a into b."""
+    axis = np.cross(a, b)
+    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
+    if sine < 1e-9:
+        if cosine > 0.0:
+            return np.eye(3)
+        axis = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+        return se3.exp_so3(np.pi * axis / np.linalg.norm(axis))
+    return se3.exp_so3(axis / sine * np.arctan2(sine, cosine))
+
+
+def _angle(R: Float[np.ndarray, "3 3"]) -> float:
+    return float(np.linalg.norm(se3.log_so3(R)))

@@ -1,0 +1,37 @@
+"""What the independent check tolerates and how hard it looks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifyConfig:
+    """Options of :func:`sashimono.verify.verify_plan`; the defaults are the plan.json contract."""
+
+    relative_tolerance: float = 0.02
+    """Depth a pair may reach beyond its overlap in the assembled pose, over the smaller part's smallest extent."""
+    relative_wall: float = 0.4
+    """Most that this tolerance may be, over the thickness of either part's thin walls: shells never slip through."""
+    samples: int = 3000
+    """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
+    relative_resolution: float = 0.125
+    """Travel between two looks at a vertex, over the pair tolerance, below which contact is not refined further."""
+    max_queries: int = 20_000_000
+    """Distance queries allowed for one pair in one step; a pair that needs more is refused, never passed."""
+    boolean_poses: int = 3
+    """Poses of each touching pair and step at which the exact intersection body is measured as well."""
+    pose_tolerance: float = 1e-6
+    """Largest deviation of a rotation from orthonormal, and of a pose from the assembled one over the part's size."""
+    resting_tolerance: float = 0.005
+    """Height up to which a vertex counts as standing on the table, over the part's smallest extent."""
+    contact_tolerance: float = 1e-4
+    """Distance of a contact point from the surface, over the part's size."""
+    normal_tolerance: float = 0.2
+    """Angle between a stated contact normal and the surface's [rad]."""
+    cone_tolerance: float = 1e-3
+    """Angle by which a grasp line may leave a friction cone [rad], for rounding."""
+    cone_edges: int = 8
+    """Edges of the pyramid that stands for a friction cone in the force-closure check."""
+    torsion_radius: float = 0.1
+    """Soft finger: torsional friction over tangential friction, over the part's radius, when the plan states none."""

@@ -1,0 +1,221 @@
+"""Can the part be held, or pushed, where the plan says?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+
+from sashimono.geometry import se3
+from sashimono.plan import Contact, Motion, Step
+from sashimono.verify.body import Body
+from sashimono.verify.config import VerifyConfig
+from sashimono.verify.pairs import pair_tolerance
+from sashimono.verify.sweep import Screws, sweep
+
+_GRIPPER_LENGTHS = ("finger_width", "finger_thickness", "finger_length", "max_opening")
+_PALM_LENGTHS = ("palm_width", "palm_depth", "palm_length")
+
+
+def contact_problems(
+    step: Step,
+    body: Body,
+    fixed: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]],
+    config: VerifyConfig,
+) -> tuple[list[str], list[str]]:
+    """Return what is wrong with a step's contact, and what could not be checked.
+
+    ``fixed``: the placed parts with their poses, past which the fingers go during the insertion.
+    """
+    contact = step.contact
+    assert contact is not None
+    if problem := _form_problem(contact):
+        return [problem], []
+    problems = _surface_problems(contact, body, config)
+    if problems or contact.kind == "push":
+        return problems + _force_problems(contact, config), []
+    problems += _antipodal_problems(contact, config)
+    if not problems and not force_closure(contact, body, config):
+        problems.append("grasp: the contacts cannot balance every wrench (no force closure)")
+    notes: list[str] = []
+    gripper = contact.details.get("gripper")
+    if contact.T_part_gripper is None or not isinstance(gripper, Mapping):
+        notes.append("grasp: no gripper stated, so the fingers were not checked")
+    elif missing := [name for name in _GRIPPER_LENGTHS if not _is_length(gripper.get(name))]:
+        problems.append(f"grasp: the gripper's {missing[0]} is not a length")
+    else:
+        problems += _gripper_problems(contact, gripper, config)
+        problems += _finger_problems(contact, gripper, step.motion, fixed, config)
+    return problems, notes
+
+
+def _is_length(value: object) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value) and value > 0.0
+
+
+def _form_problem(contact: Contact) -> str | None:
+    points, normals = contact.points_part, contact.normals_part
+    if points.ndim != 2 or points.shape[1] != 3 or points.shape != normals.shape or len(points) == 0:
+        return f"{contact.kind}: points and normals are not two lists of as many vectors"
+    if not (np.isfinite(points).all() and np.isfinite(normals).all()):
+        return f"{contact.kind}: points or normals are not finite"
+    if contact.kind == "grasp" and len(points) < 2:
+        return "grasp: it takes at least two contacts"
+    if not (math.isfinite(contact.friction) and contact.friction > 0.0):
+        return f"{contact.kind}: friction is {contact.friction}, not above 0"
+    return None
+
+
+def _surface_problems(contact: Contact, body: Body, config: VerifyConfig) -> list[str]:
+    kind, points, normals = contact.kind, contact.points_part, contact.normals_part
+    off = np.abs(body.distance(points))
+    if off.max() > config.contact_tolerance * body.size:
+        return [f"{kind}: contact {int(off.argmax())} is {off.max() * 1e3:.4g} mm off the surface"]
+    if np.abs(np.linalg.norm(normals, axis=1) - 1.0).max() > 1e-6:
+        return [f"{kind}: a normal is not of unit length"]
+    # at an edge either face will do: the one nearest to the point, or to a point a little inside or outside
+    step = 10.0 * config.contact_tolerance * body.size
+    faces = np.stack([body.nearest_normal(points + shift * normals) for shift in (0.0, step, -step)], axis=1)
+    angles = np.arccos(np.clip(-np.einsum("nkj,nj->nk", faces, normals), -1.0, 1.0)).min(axis=1)
+    if angles.max() > config.normal_tolerance:
+        worst = int(angles.argmax())
+        return [f"{kind}: normal {worst} is {np.degrees(angles[worst]):.1f}° off the surface's inward normal"]
+    return []
+
+
+def _tangential(contact: Contact) -> float:
+    return math.sqrt(contact.friction) if contact.details.get("friction_cone") == "printed" else contact.friction
+
+
+def _force_problems(contact: Contact, config: VerifyConfig) -> list[str]:
+    forces = contact.force_part
+    if contact.kind != "push" or forces is None:
+        return []
+    if forces.shape != contact.points_part.shape or not np.isfinite(forces).all():
+        return ["push: there is not one finite force for each contact"]
+    along = np.einsum("ij,ij->i", forces, contact.normals_part)
+    aside = np.linalg.norm(forces - along[:, None] * contact.normals_part, axis=1)
+    if (aside > (_tangential(contact) + config.cone_tolerance) * np.maximum(along, 0.0)).any():
+        return ["push: a force is outside its friction cone"]
+    return []
+
+
+def _antipodal_problems(contact: Contact, config: VerifyConfig) -> list[str]:
+    if len(contact.points_part) != 2:
+        return []
+    line = contact.points_part[1] - contact.points_part[0]
+    span = float(np.linalg.norm(line))
+    if span == 0.0:
+        return ["grasp: both contacts are the same point"]
+    cosines = np.array([contact.normals_part[0] @ line, -contact.normals_part[1] @ line]) / span
+    angle = float(np.arccos(np.clip(cosines, -1.0, 1.0)).max())
+    cone = math.atan(_tangential(contact))
+    if angle > cone + config.cone_tolerance:
+        return [f"grasp: not antipodal, {math.degrees(angle):.1f}° off a cone of {math.degrees(cone):.1f}°"]
+    return []
+
+
+def force_closure(contact: Contact, body: Body, config: VerifyConfig) -> bool:
+    """Return whether the contacts, as soft fingers, can balance any wrench.
+
+    The wrenches on the rims of the linearised friction cones must span all six dimensions and be able to cancel
+    with every coefficient positive: a linear program for the largest smallest coefficient.
+    """
+    radius = 0.5 * body.size
+    gripper = contact.details.get("gripper")
+    patch: Any = gripper.get("patch_radius") if isinstance(gripper, Mapping) else None
+    torsion = 2.0 / 3.0 * float(patch) / radius if _is_length(patch) else config.torsion_radius
+    friction = _tangential(contact)
+    angles = 2.0 * np.pi * np.arange(config.cone_edges) / config.cone_edges
+    columns = []
+    for point, normal in zip(contact.points_part, contact.normals_part, strict=True):
+        u, v = np.linalg.svd(normal[None])[2][1:]
+        arm = (point - body.center_of_mass) / radius
+        forces = normal + friction * (np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * v)
+        columns.append(np.hstack([forces, np.cross(arm, forces)]))
+        twists = np.array([[1.0], [-1.0]]) * friction * torsion * normal
+        columns.append(np.hstack([np.tile(normal, (2, 1)), np.cross(arm, normal) + twists]))
+    wrenches = np.vstack(columns).T
+    count = wrenches.shape[1]
+    if np.linalg.matrix_rank(wrenches, tol=1e-9) < 6:
+        return False
+    # maximise t with W λ = 0, Σ λ = 1, λ >= t
+    equal = np.zeros((7, count + 1))
+    equal[:6, :count], equal[6, :count] = wrenches, 1.0
+    above = np.hstack([-np.eye(count), np.ones((count, 1))])
+    cost = np.append(np.zeros(count), -1.0)
+    bounds = [(0.0, None)] * count + [(None, None)]
+    found = linprog(cost, A_ub=above, b_ub=np.zeros(count), A_eq=equal, b_eq=np.append(np.zeros(6), 1.0), bounds=bounds)
+    return bool(found.status == 0 and -found.fun > 1e-9)
+
+
+def _gripper_problems(contact: Contact, gripper: Mapping[str, float], config: VerifyConfig) -> list[str]:
+    """Does the gripper reach the contacts: opening wide enough, origin and x axis between the two points?"""
+    T = contact.T_part_gripper
+    if T is None or not se3.is_pose(T, config.pose_tolerance):
+        return ["grasp: the gripper pose is not rigid"]
+    first, second = contact.points_part[:2]
+    span = float(np.linalg.norm(second - first))
+    if span > gripper["max_opening"] * (1.0 + 1e-9):
+        return [f"grasp: the contacts are {span * 1e3:.4g} mm apart, more than the gripper opens"]
+    away = np.linalg.norm(T[:3, 3] - 0.5 * (first + second))
+    if away > config.contact_tolerance * gripper["finger_length"] or T[:3, 0] @ (second - first) < 0.999 * span:
+        return ["grasp: the gripper pose does not put its fingers on the contacts"]
+    return []
+
+
+def _finger_problems(
+    contact: Contact,
+    gripper: Mapping[str, float],
+    motion: Motion,
+    fixed: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]],
+    config: VerifyConfig,
+) -> list[str]:
+    """Sweep the closed gripper along the insertion past the placed parts."""
+    assert contact.T_part_gripper is not None
+    span = float(np.linalg.norm(contact.points_part[1] - contact.points_part[0]))
+    boxes = _gripper_boxes(gripper, span, config)
+    for segment in motion.segments:
+        if segment.kind != "insertion":
+            continue
+        poses = motion.T_world_part[segment.start : segment.stop + 1] @ contact.T_part_gripper
+        path = Screws.between(poses)
+        for name, (body, T_world_fixed) in fixed.items():
+            for box in boxes:
+                tolerance = pair_tolerance(box, body, config)
+                options = {
+                    "limit": tolerance,
+                    "resolution": tolerance,
+                    "coarse": 0.25 * min(box.wall, body.wall),
+                    "max_queries": config.max_queries,
+                }
+                found = sweep(box.tree, body, path.seen_from(T_world_fixed), **options)
+                if found.holds:
+                    found = sweep(body.tree, box, path.reversed_for(T_world_fixed), **options)
+                if not found.holds:
+                    return [f"grasp: the {box.name} hits {name} at pose {segment.start + found.at:.2f}"]
+    return []
+
+
+def _gripper_boxes(gripper: Mapping[str, float], span: float, config: VerifyConfig) -> list[Body]:
+    half, y, length = 0.5 * span, 0.5 * gripper["finger_width"], gripper["finger_length"]
+    outer, tip = half + gripper["finger_thickness"], float(gripper.get("tip_reach", 0.0))
+    boxes = [
+        _box("first finger", [-outer, -y, -length], [-half, y, tip], config),
+        _box("second finger", [half, -y, -length], [outer, y, tip], config),
+    ]
+    if all(_is_length(gripper.get(name)) for name in _PALM_LENGTHS):
+        x, y = max(0.5 * gripper["palm_width"], outer), 0.5 * gripper["palm_depth"]
+        boxes.append(_box("palm", [-x, -y, -length - gripper["palm_length"]], [x, y, -length], config))
+    return boxes
+
+
+def _box(name: str, low: list[float], high: list[float], config: VerifyConfig) -> Body:
+    corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)])
+    quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
+    faces = np.array([[q[a], q[b], q[c]] for q in quads for a, b, c in ((0, 1, 2), (0, 2, 3))])
+    return Body(name, corners, faces, samples=config.samples // 4)

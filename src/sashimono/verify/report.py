@@ -1,0 +1,74 @@
+"""What the independent check found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepReport:
+    """What was found in one step."""
+
+    index: int
+    """Position in the plan, from 0."""
+    part: str
+    problems: tuple[str, ...] = ()
+    """Plain-language reasons to refuse the step; none if it holds."""
+    notes: tuple[str, ...] = ()
+    """What could not be checked or is worth knowing, though no reason to refuse."""
+    max_penetration: float = 0.0
+    """Deepest penetration measured along the path [m], of the pair that came nearest to what it is allowed."""
+    allowed: float | None = None
+    """What that pair is allowed [m]: the tolerance, and its depth in the assembled pose where that was needed."""
+    against: str | None = None
+    """The part, or "table", that it was measured against."""
+    pose: float | None = None
+    """Where on the path: pose index, fractions between two poses."""
+    queries: int = 0
+    """Distance queries that the step took."""
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was found wrong."""
+        return not self.problems
+
+    def line(self) -> str:
+        """Return one readable line."""
+        head = f"{'ok ' if self.ok else 'BAD'} {self.index + 1:3d} {self.part}"
+        if self.problems:
+            return f"{head}: {'; '.join(self.problems)}"
+        if self.against is None:
+            return f"{head}: touches nothing on its way"
+        depth, allowed = self.max_penetration * 1e3, (self.allowed or 0.0) * 1e3
+        return f"{head}: deepest {depth:.4f} mm into {self.against} (allowed {allowed:.4f} mm)"
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerifyReport:
+    """What was found in a whole plan."""
+
+    problems: tuple[str, ...]
+    """Reasons to refuse the plan that belong to no single step."""
+    steps: tuple[StepReport, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was found wrong, in the plan or in any step."""
+        return not self.problems and all(step.ok for step in self.steps)
+
+    def lines(self) -> list[str]:
+        """Return one readable line a step, after one for each problem of the whole plan, and a verdict."""
+        bad = sum(not step.ok for step in self.steps)
+        if self.ok:
+            verdict = f"verified: {len(self.steps)} steps hold"
+        else:
+            verdict = (
+                f"refuted: {bad} of {len(self.steps)} steps do not hold, {len(self.problems)} problems of the plan"
+            )
+        return [
+            *(f"BAD plan: {problem}" for problem in self.problems),
+            *(f"note: {note}" for note in self.notes),
+            *(step.line() for step in self.steps),
+            verdict,
+        ]

@@ -1,0 +1,109 @@
+"""Does the plan say what a plan must say, and does it speak of this assembly?"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from sashimono.assembly import Assembly
+from sashimono.geometry import se3
+from sashimono.plan import AssemblyPlan, Motion, Step
+from sashimono.verify.config import VerifyConfig
+
+
+def plan_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> tuple[list[str], list[str]]:
+    """Return what is wrong with the plan as a whole, and what could not be checked."""
+    problems, notes = [], []
+    if assembly.source is None:
+        notes.append("the assembly was not read from a file: no hash to compare")
+    elif assembly.source.sha256 != plan.source.sha256:
+        problems.append("the geometry is not the one that was planned: its sha256 differs from source.sha256")
+    problems += _part_problems(plan, assembly, config)
+    problems += _order_problems(plan, assembly)
+    if plan.table is not None:
+        normal = plan.table.normal
+        if normal.shape != (3,) or not np.isfinite(normal).all() or abs(np.linalg.norm(normal) - 1.0) > 1e-6:
+            problems.append("table.normal is not a unit vector")
+        if not np.isfinite(plan.table.offset):
+            problems.append("table.offset is not a finite number")
+    else:
+        notes.append("the plan has no table: resting poses are not checked for stability")
+    return problems, notes
+
+
+def _part_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> list[str]:
+    problems = [
+        f"part {name!r} of the assembly is missing from the plan" for name in assembly.names if name not in plan.parts
+    ]
+    for name, T in plan.parts.items():
+        if name not in assembly.names:
+            problems.append(f"part {name!r} of the plan is not in the assembly")
+        elif not se3.is_pose(T, config.pose_tolerance):
+            problems.append(f"the assembled pose of {name!r} is not rigid")
+        elif not same_pose(T, assembly.part(name).T_world_part, assembly.part(name).vertices_part, config):
+            problems.append(f"the assembled pose of {name!r} is not the one of the assembly")
+    return problems
+
+
+def _order_problems(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
+    problems = [f"{name!r} is in the order more than once" for name, n in Counter(plan.order).items() if n > 1]
+    problems += [
+        f"{name!r} is in the order but not in the assembly" for name in plan.order if name not in assembly.names
+    ]
+    if tuple(step.part for step in plan.steps) != tuple(plan.order):
+        problems.append("the steps do not follow the order")
+    unsolved = {item.part for item in plan.unsolved}
+    absent = [name for name in assembly.names if name not in plan.order]
+    if plan.status == "complete":
+        problems += [f"called complete, but {name!r} has no step" for name in absent]
+        problems += [f"called complete, but {name!r} is listed as unsolved" for name in sorted(unsolved)]
+    else:
+        problems += [f"{name!r} has neither a step nor a reason in unsolved" for name in absent if name not in unsolved]
+        if not absent and not unsolved:
+            problems.append("called partial, but every part has a step and nothing is unsolved")
+    return problems
+
+
+def step_problems(step: Step, placed: tuple[str, ...], assembly: Assembly, config: VerifyConfig) -> list[str]:
+    """Return what is wrong with the form of one step; its geometry can be looked at only if nothing is."""
+    if step.part not in assembly.names:
+        return [f"{step.part!r} is not in the assembly"]
+    problems = []
+    if len(set(step.fixed)) != len(step.fixed) or set(step.fixed) != set(placed):
+        problems.append(f"fixed is {list(step.fixed)}, but placed before are {list(placed)}")
+    problems += _path_problems(step.motion, bool(placed), config)
+    if not problems:
+        part = assembly.part(step.part)
+        if not same_pose(step.motion.T_world_part[-1], part.T_world_part, part.vertices_part, config):
+            problems.append("the path does not end in the assembled pose")
+    return problems
+
+
+def _path_problems(motion: Motion, moves: bool, config: VerifyConfig) -> list[str]:
+    poses = motion.T_world_part
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) == 0:
+        return ["the path is not a list of 4x4 poses"]
+    bad = [k for k, T in enumerate(poses) if not se3.is_pose(T, config.pose_tolerance)]
+    if bad:
+        return [f"pose {bad[0]} of the path is not rigid"]
+    if not moves:
+        return [] if len(poses) == 1 and not motion.segments else ["the base part must have one pose and no segment"]
+    if len(poses) < 2:
+        return ["the path has a single pose: the part never moves to its place"]
+    stops = [0, *(segment.stop for segment in motion.segments)]
+    starts = [*(segment.start for segment in motion.segments), len(poses) - 1]
+    if stops != starts or any(segment.start >= segment.stop for segment in motion.segments):
+        return [f"the segments do not cover poses 0 to {len(poses) - 1} in order"]
+    unknown = [segment.kind for segment in motion.segments if segment.kind not in ("transit", "insertion")]
+    return [f"segment kind {unknown[0]!r} is neither transit nor insertion"] if unknown else []
+
+
+def same_pose(a: np.ndarray, b: np.ndarray, points_part: np.ndarray, config: VerifyConfig) -> bool:
+    """Return whether two poses put every point of a part in the same place, over the part's size."""
+    if a.shape != b.shape:
+        return False
+    low, high = points_part.min(axis=0), points_part.max(axis=0)
+    corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
+    apart = np.linalg.norm(se3.apply(a, corners) - se3.apply(b, corners), axis=1).max()
+    return bool(apart <= config.pose_tolerance * np.linalg.norm(high - low))

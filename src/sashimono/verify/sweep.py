@@ -1,0 +1,260 @@
+"""Does anything dip too deep along a path? Branch and bound over surface patches and time.
+
+The signed distance s of a moving point changes by no more than the point travels. Looking at one ball of surface
+(radius r) in the middle of a stretch of time, with travel t to either end, none of it is ever deeper than ``limit``
+if ``s >= r + t - limit``. What that does not settle is cut up, in space or in time, down to single surface samples.
+So nothing is jumped between poses, however thin; between samples, the spacing is what limits the check.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sashimono.geometry import se3
+from sashimono.verify.body import BallTree
+
+_CHUNK = 40_000
+_MAX_PIECES = 16
+_NO_ROTATION = 1e-8
+
+
+@runtime_checkable
+class Target(Protocol):
+    """What is not to be penetrated."""
+
+    def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]: ...
+
+    def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]: ...
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HalfSpace:
+    """Everything below the plane ``normal · x = offset``."""
+
+    normal: Float[np.ndarray, "3"]
+    offset: float
+
+    def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the height of each point over the plane [m]."""
+        return points @ self.normal - self.offset
+
+    def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the height, 0 below."""
+        return np.maximum(self.distance(points), 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Screws:
+    """A path of geodesics seen from a frame: ``after @ screw(u) @ before``, one row a stretch."""
+
+    before: Float[np.ndarray, "stretch 4 4"]
+    after: Float[np.ndarray, "stretch 4 4"]
+    axis: Float[np.ndarray, "stretch 3"]
+    point: Float[np.ndarray, "stretch 3"]
+    angle: Float[np.ndarray, "stretch"]
+    shift: Float[np.ndarray, "stretch 3"]
+
+    @classmethod
+    def between(cls, poses: Float[np.ndarray, "pose 4 4"]) -> Screws:
+        """Return the geodesics through the poses, mapping body points to the world; a single pose stands still."""
+        starts = poses[:-1] if len(poses) > 1 else poses
+        twists = np.array([se3.log(se3.inverse(a) @ b) for a, b in pairwise(poses)])
+        twists = twists.reshape(-1, 6) if len(poses) > 1 else np.zeros((1, 6))
+        v, w = twists[:, :3], twists[:, 3:]
+        angle = np.linalg.norm(w, axis=1)
+        turns = angle > _NO_ROTATION
+        safe = np.where(turns, angle, 1.0)
+        axis = np.where(turns[:, None], w / safe[:, None], [0.0, 0.0, 1.0])
+        point = np.where(turns[:, None], np.cross(axis, v) / safe[:, None], 0.0)
+        along = np.einsum("ij,ij->i", axis, v)[:, None] * axis
+        return cls(
+            before=np.broadcast_to(np.eye(4), starts.shape),
+            after=starts,
+            axis=axis,
+            point=point,
+            angle=np.where(turns, angle, 0.0),
+            shift=np.where(turns[:, None], along, v),
+        )
+
+    def seen_from(self, T_world_fixed: Float[np.ndarray, "4 4"]) -> Screws:
+        """Return the path of the moving body's points in the frame of a fixed body."""
+        return Screws(**{**vars(self), "after": se3.inverse(T_world_fixed) @ self.after})
+
+    def reversed_for(self, T_world_fixed: Float[np.ndarray, "4 4"]) -> Screws:
+        """Return the path of a fixed body's points in the moving body's frame."""
+        before = np.array([se3.inverse(T) @ T_world_fixed for T in self.after])
+        after = np.broadcast_to(np.eye(4), before.shape)
+        return Screws(
+            before=before, after=after, axis=self.axis, point=self.point, angle=-self.angle, shift=-self.shift
+        )
+
+    def pose(self, stretch: int, u: float) -> Float[np.ndarray, "4 4"]:
+        """Return the pose at u in [0, 1] of a stretch."""
+        corners = np.vstack([np.zeros(3), np.eye(3)])
+        moved, _ = self.locate(corners, np.zeros(4), np.full(4, stretch), np.full(4, u))
+        return se3.make((moved[1:] - moved[0]).T, moved[0])
+
+    def locate(
+        self,
+        points: Float[np.ndarray, "n 3"],
+        radii: Float[np.ndarray, "n"],
+        stretch: Int[np.ndarray, "n"],
+        u: Float[np.ndarray, "n"],
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+        """Return where each point is, and how fast the ball around it moves at most [m per unit of u]."""
+        p = np.einsum("nij,nj->ni", self.before[stretch, :3, :3], points) + self.before[stretch, :3, 3]
+        angle, shift = self.angle[stretch], self.shift[stretch]
+        speed2 = np.einsum("ij,ij->i", shift, shift)
+        p = p + u[:, None] * shift if not self.angle.any() else self._turn(p, stretch, u, angle, shift)
+        if self.angle.any():
+            lever = np.linalg.norm(np.cross(self.axis[stretch], p - u[:, None] * shift - self.point[stretch]), axis=1)
+            speed2 = speed2 + (angle * (lever + radii)) ** 2
+        moved = np.einsum("nij,nj->ni", self.after[stretch, :3, :3], p) + self.after[stretch, :3, 3]
+        return moved, np.sqrt(speed2)
+
+    def _turn(
+        self, p: np.ndarray, stretch: np.ndarray, u: np.ndarray, angle: np.ndarray, shift: np.ndarray
+    ) -> Float[np.ndarray, "n 3"]:
+        # Rodrigues as a displacement, so that a far axis (a slight turn over a long way) loses no digits
+        axis = self.axis[stretch]
+        once = np.cross(axis, p - self.point[stretch])
+        twice = np.cross(axis, once)
+        half = 0.5 * u * angle
+        return p + np.sin(2.0 * half)[:, None] * once + (2.0 * np.sin(half) ** 2)[:, None] * twice + u[:, None] * shift
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sweep:
+    """What a sweep found."""
+
+    holds: bool
+    """No sample goes deeper than the limit, at any time."""
+    exhausted: bool
+    """It does not hold only because the queries ran out."""
+    depth: float
+    """Deepest sample looked at [m], negative if all stayed outside."""
+    at: float
+    """Where on the path, in stretches."""
+    queries: int
+    near: Float[np.ndarray, "time"]
+    """Times at which a stretch of surface between samples could not be cleared, in stretches; sorted."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Items:
+    """Balls in stretches of time: from ``u - half`` to ``u + half``."""
+
+    node: np.ndarray
+    stretch: np.ndarray
+    u: np.ndarray
+    half: np.ndarray
+
+    def take(self, index: np.ndarray) -> _Items:
+        return _Items(node=self.node[index], stretch=self.stretch[index], u=self.u[index], half=self.half[index])
+
+    def in_space(self, tree: BallTree) -> _Items:
+        count = tree.child_count[self.node]
+        rows = np.repeat(np.arange(len(count)), count)
+        within = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
+        child = tree.first_child[self.node[rows]] + within
+        return _Items(node=child, stretch=self.stretch[rows], u=self.u[rows], half=self.half[rows])
+
+    def in_time(self, pieces: np.ndarray) -> _Items:
+        rows = np.repeat(np.arange(len(pieces)), pieces)
+        within = np.arange(len(rows)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        half = self.half[rows] / pieces[rows]
+        u = self.u[rows] - self.half[rows] + (2 * within + 1) * half
+        return _Items(node=self.node[rows], stretch=self.stretch[rows], u=u, half=half)
+
+
+def sweep(
+    tree: BallTree,
+    target: Target,
+    path: Screws,
+    *,
+    limit: float,
+    resolution: float,
+    coarse: float,
+    max_queries: int,
+) -> Sweep:
+    """Return whether the samples of a tree stay less than ``limit`` deep in the target all along the path.
+
+    Stops at the first look that finds a deeper one. ``resolution`` is the travel [m] to either side below which a
+    vertex that is within the limit is not looked at again. Samples between vertices stand for the surface around
+    them anyway: for these it is half of their ball's radius, at most ``coarse`` [m], a fraction of the thinner wall.
+    """
+    stretches = np.arange(len(path.angle))
+    still = not (path.angle.any() or path.shift.any())
+    start = np.full(len(stretches), 0.0 if still else 0.5)
+    stack = [_Items(node=np.full(len(stretches), tree.root), stretch=stretches, u=start, half=start.copy())]
+    depth, at, queries, near = -np.inf, 0.0, 0, []
+    while stack:
+        items = stack.pop()
+        if len(items.node) > _CHUNK:
+            stack.append(items.take(np.arange(_CHUNK, len(items.node))))
+            items = items.take(np.arange(_CHUNK))
+        queries += len(items.node)
+        open_, s, travel = _look(tree, target, path, items, limit)
+        leaf = tree.first_child[open_.node] < 0
+        if leaf.any():
+            deepest = int(np.argmin(np.where(leaf, s, np.inf)))
+            if -s[deepest] > depth:
+                depth, at = float(-s[deepest]), float(open_.stretch[deepest] + open_.u[deepest])
+            near.append(np.unique(np.round((open_.stretch + open_.u)[leaf], 3)))
+        if depth > limit or queries > max_queries:
+            break
+        stack.extend(_cut(tree, open_, s, travel, leaf, limit, (resolution, coarse)))
+    else:
+        return Sweep(holds=True, exhausted=False, depth=depth, at=at, queries=queries, near=_sorted(near))
+    return Sweep(holds=False, exhausted=depth <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
+
+
+def _sorted(times: list[np.ndarray]) -> np.ndarray:
+    return np.unique(np.concatenate(times)) if times else np.empty(0)
+
+
+def _look(
+    tree: BallTree, target: Target, path: Screws, items: _Items, limit: float
+) -> tuple[_Items, Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Return the items not settled by one look at their middle, with signed distance and travel to either end."""
+    radii = tree.radii[items.node]
+    points, speed = path.locate(tree.centers[items.node], radii, items.stretch, items.u)
+    travel = speed * items.half
+    need = radii + travel - limit
+    close = np.flatnonzero(target.box_distance(points) < need)
+    s = target.distance(points[close]) if len(close) else np.empty(0)
+    unsettled = s < need[close]
+    close = close[unsettled]
+    return items.take(close), s[unsettled], travel[close]
+
+
+def _cut(
+    tree: BallTree,
+    items: _Items,
+    s: np.ndarray,
+    travel: np.ndarray,
+    leaf: np.ndarray,
+    limit: float,
+    resolutions: tuple[float, float],
+) -> list[_Items]:
+    """Return smaller items for those not settled; samples that are settled as points, or finely enough, end here."""
+    radii = tree.radii[items.node]
+    margin = s + limit
+    resolution = np.where(tree.between[items.node], np.minimum(0.5 * radii, resolutions[1]), 0.0)
+    resolution = np.maximum(resolution, resolutions[0])
+    inner = ~leaf
+    in_space = np.flatnonzero(inner & (travel <= radii))
+    in_time = np.flatnonzero((inner & (travel > radii)) | (leaf & (travel > margin) & (travel > resolution)))
+    aim = np.where(leaf, np.maximum(margin, resolution), np.maximum(margin - radii, radii))[in_time]
+    pieces = np.clip(np.ceil(travel[in_time] / aim), 2, _MAX_PIECES).astype(np.int64)
+    out = []
+    if len(in_space):
+        out.append(items.take(in_space).in_space(tree))
+    if len(in_time):
+        out.append(items.take(in_time).in_time(pieces))
+    return out

@@ -1,0 +1,7 @@
+"""Looking at a plan: a self-contained HTML viewer and an animated glTF file."""
+
+from sashimono.view.config import ViewConfig
+from sashimono.view.glb import write_glb
+from sashimono.view.html import write_html
+
+__all__ = ["ViewConfig", "write_glb", "write_html"]

@@ -1,0 +1,181 @@
+"""A plan as the viewer page reads it: one JSON value and one block of bytes with the geometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.assembly import Assembly
+from sashimono.plan import AssemblyPlan, Contact, Step
+from sashimono.view.appearance import part_colors, srgb_hex
+from sashimono.view.config import ViewConfig
+from sashimono.view.display_mesh import DisplayMesh
+from sashimono.view.explode import explosion_offsets
+from sashimono.view.shapes import ShapeUse, make_shapes
+from sashimono.view.timeline import StepTiming, make_timeline
+
+UP = (0.0, 0.0, 1.0)
+"""Which way is up when a plan has no table."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """What the page shows."""
+
+    json: Mapping[str, Any]
+    """Plain values only, every number finite; poses are the upper three rows, row by row."""
+    geometry: bytes
+    """Positions, normals and indices, at the offsets that ``json["shapes"]`` gives."""
+
+
+def pack_octahedral(normals: Float[np.ndarray, "n 3"]) -> np.ndarray:
+    """Return unit vectors as two int16 each (Cigolle et al. 2014, *Independent unit vectors*)."""
+    flat = normals / np.abs(normals).sum(axis=1, keepdims=True)
+    xy = flat[:, :2]
+    signs = np.where(xy >= 0.0, 1.0, -1.0)
+    folded = np.where(flat[:, 2:] < 0.0, (1.0 - np.abs(xy[:, ::-1])) * signs, xy)
+    return np.rint(folded * 32767.0).astype("<i2")
+
+
+class _Packer:
+    """Appends arrays to one block of bytes, each at a multiple of 4."""
+
+    def __init__(self) -> None:
+        self._blocks: list[bytes] = []
+        self._size = 0
+
+    def add(self, array: np.ndarray) -> int:
+        """Append the array and return its offset [bytes]."""
+        offset = self._size
+        data = array.tobytes()
+        data += b"\0" * (-len(data) % 4)
+        self._blocks.append(data)
+        self._size += len(data)
+        return offset
+
+    def content(self) -> bytes:
+        return b"".join(self._blocks)
+
+
+def _pack_mesh(mesh: DisplayMesh, packer: _Packer) -> dict[str, Any]:
+    lower = mesh.positions.min(axis=0)
+    cell = np.maximum(np.ptp(mesh.positions, axis=0), 1e-12) / 65535.0
+    wide = len(mesh.positions) > 65536
+    index_type = "<u4" if wide else "<u2"
+    return {
+        "vertices": len(mesh.positions),
+        "faces": len(mesh.faces),
+        "edges": len(mesh.edges),
+        "wide": wide,
+        "origin": lower.tolist(),
+        "cell": cell.tolist(),
+        "positionAt": packer.add(np.rint((mesh.positions - lower) / cell).astype("<u2")),
+        "normalAt": packer.add(pack_octahedral(mesh.normals)),
+        "faceAt": packer.add(mesh.faces.astype(index_type)),
+        "edgeAt": packer.add(mesh.edges.astype(index_type)),
+    }
+
+
+def _pose(T: Float[np.ndarray, "4 4"]) -> list[float]:
+    return T[:3].reshape(-1).tolist()
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+def _contact(contact: Contact) -> dict[str, Any]:
+    return {
+        "kind": contact.kind,
+        "points": contact.points_part.tolist(),
+        "normals": contact.normals_part.tolist(),
+        "quality": _finite(contact.quality),
+        "gripper": None if contact.T_part_gripper is None else _pose(contact.T_part_gripper),
+    }
+
+
+def _step(step: Step, timing: StepTiming, assembly: Assembly) -> dict[str, Any]:
+    evidence = step.motion.evidence
+    return {
+        "part": assembly.index(step.part),
+        "fixed": len(step.fixed),
+        "start": timing.start,
+        "stop": timing.stop,
+        "times": timing.pose_times.tolist(),
+        "poses": [_pose(T) for T in step.motion.T_world_part],
+        "segments": [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in step.motion.segments],
+        "contact": None if step.contact is None else _contact(step.contact),
+        "contactReason": step.contact_reason,
+        "penetration": _finite(evidence.get("max_penetration")),
+        "tolerance": _finite(evidence.get("tolerance")),
+    }
+
+
+def _parts(
+    plan: AssemblyPlan, assembly: Assembly, uses: tuple[ShapeUse, ...], config: ViewConfig
+) -> list[dict[str, Any]]:
+    colors = part_colors(plan, assembly)
+    offsets = explosion_offsets(plan, assembly, config)
+    solved = {step.part for step in plan.steps}
+    return [
+        {
+            "name": part.name,
+            "shape": use.shape,
+            "shapePose": _pose(use.T_part_shape),
+            "assembled": _pose(plan.parts[part.name]),
+            "color": colors[part.name],
+            "cadColor": None if part.color is None else srgb_hex(part.color),
+            "explode": offsets[part.name].tolist(),
+            "solved": part.name in solved,
+        }
+        for part, use in zip(assembly.parts, uses, strict=True)
+    ]
+
+
+def _unsolved(plan: AssemblyPlan, assembly: Assembly) -> list[dict[str, Any]]:
+    stated = {item.part: item for item in plan.unsolved}
+    solved = {step.part for step in plan.steps}
+    rows = []
+    for k, name in enumerate(assembly.names):
+        if name in solved:
+            continue
+        item = stated.get(name)
+        rows.append(
+            {
+                "part": k,
+                "answer": str(item.answer) if item else "UNKNOWN",
+                "blockedBy": list(item.blocked_by) if item else [],
+                "reason": item.reason if item else "the plan says nothing about this part",
+            }
+        )
+    return rows
+
+
+def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Scene:
+    """Return the plan and its geometry, ready to be put into the page."""
+    shapes = make_shapes(assembly.parts, config)
+    timeline = make_timeline(plan, assembly, config)
+    packer = _Packer()
+    notes = [*assembly.notes, *(note for note in plan.notes if note not in assembly.notes)]
+    if shapes.decimated:
+        notes.append("Meshes are simplified in this view; the plan was made with the full ones.")
+    json = {
+        "title": PurePath(plan.source.path.replace("\\", "/")).name or "assembly",
+        "status": plan.status,
+        "version": plan.version,
+        "up": list(UP) if plan.table is None else plan.table.normal.tolist(),
+        "table": None if plan.table is None else plan.table.offset,
+        "duration": timeline.duration,
+        "shapes": [_pack_mesh(mesh, packer) for mesh in shapes.meshes],
+        "parts": _parts(plan, assembly, shapes.uses, config),
+        "steps": [_step(step, timing, assembly) for step, timing in zip(plan.steps, timeline.steps, strict=True)],
+        "unsolved": _unsolved(plan, assembly),
+        "notes": notes,
+    }
+    return Scene(json=json, geometry=packer.content())

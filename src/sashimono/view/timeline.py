@@ -1,0 +1,94 @@
+"""When each pose of a plan is reached; the HTML viewer and the GLB share it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.assembly import Assembly, Part, frozen_array
+from sashimono.geometry import se3
+from sashimono.plan import AssemblyPlan, Motion
+from sashimono.view.config import ViewConfig
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StepTiming:
+    """Times of one step [s], counted from the start of the whole animation."""
+
+    start: float
+    stop: float
+    pose_times: Float[np.ndarray, "pose"]
+    """When each pose of the motion is reached, increasing."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose_times", frozen_array(self.pose_times, np.float64))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timeline:
+    """Times of all steps, one after the other."""
+
+    steps: tuple[StepTiming, ...]
+    duration: float
+    """When the last step ends [s]."""
+
+
+def bounds_at(part: Part, T_world_part: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "2 3"]:
+    """Return lower and upper corner of the part's axis-aligned box at that pose [m]."""
+    vertices = se3.apply(T_world_part, part.vertices_part)
+    return np.array([vertices.min(axis=0), vertices.max(axis=0)])
+
+
+def scene_diagonal(plan: AssemblyPlan, assembly: Assembly) -> float:
+    """Return the diagonal of the box around all parts, assembled and resting [m]."""
+    boxes = [bounds_at(part, plan.parts[part.name]) for part in assembly.parts]
+    boxes += [bounds_at(assembly.part(step.part), step.motion.T_world_part[0]) for step in plan.steps]
+    corners = np.concatenate(boxes)
+    return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1e-9)
+
+
+def path_lengths(motion: Motion, part: Part) -> Float[np.ndarray, "interval"]:
+    """Return the length of each interval between poses [m].
+
+    A length is the travel of the part's centre plus its turn [rad] times the part's radius.
+    """
+    lower, upper = part.vertices_part.min(axis=0), part.vertices_part.max(axis=0)
+    radius = 0.5 * float(np.linalg.norm(upper - lower))
+    poses = motion.T_world_part
+    centres = poses[:, :3, :3] @ (0.5 * (lower + upper)) + poses[:, :3, 3]
+    turns = [float(np.linalg.norm(se3.log_so3(a[:3, :3].T @ b[:3, :3]))) for a, b in pairwise(poses)]
+    return np.linalg.norm(np.diff(centres, axis=0), axis=1) + radius * np.array(turns).reshape(-1)
+
+
+def _move_seconds(motion: Motion, part: Part, speed: float, config: ViewConfig) -> Float[np.ndarray, "interval"]:
+    seconds = path_lengths(motion, part) / speed
+    for segment in motion.segments:
+        if segment.kind == "insertion":
+            seconds[segment.start : segment.stop] *= config.insertion_slowdown
+    total = float(seconds.sum())
+    if total <= 0.0:
+        return np.full(len(seconds), config.min_move_seconds / len(seconds))
+    # a pose given twice must not stop the clock: keyframe times have to increase
+    seconds = np.maximum(seconds, 1e-4 * total)
+    return seconds * max(1.0, config.min_move_seconds / float(seconds.sum()))
+
+
+def make_timeline(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Timeline:
+    """Return the times of every step: proportional to path length, insertions slower, a hold before and after."""
+    speed = scene_diagonal(plan, assembly) / config.traverse_seconds
+    clock = 0.0
+    steps = []
+    for step in plan.steps:
+        start = clock
+        if len(step.motion.T_world_part) == 1:
+            clock += config.base_seconds
+            pose_times = np.array([start])
+        else:
+            seconds = _move_seconds(step.motion, assembly.part(step.part), speed, config)
+            pose_times = start + config.hold_seconds + np.concatenate([[0.0], np.cumsum(seconds)])
+            clock = float(pose_times[-1]) + config.hold_seconds
+        steps.append(StepTiming(start=start, stop=clock, pose_times=pose_times))
+    return Timeline(steps=tuple(steps), duration=max(clock, config.base_seconds))

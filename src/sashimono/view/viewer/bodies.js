@@ -1,0 +1,84 @@
+// The parts as they are drawn.
+
+const EDGE_COLOR = "#18222d";
+const GHOST_OPACITY = 0.45;
+const XRAY_OPACITY = 0.25;
+
+function matrixOf(pose) {
+  const [a, b, c, x, d, e, f, y, g, h, i, z] = pose;
+  return new THREE.Matrix4().set(a, b, c, x, d, e, f, y, g, h, i, z, 0, 0, 0, 1);
+}
+
+class Bodies {
+  constructor(plan, timeline, buffer) {
+    this.plan = plan;
+    this.timeline = timeline;
+    this.group = new THREE.Group();
+    const shapes = plan.shapes.map((shape) => unpackShape(shape, buffer));
+    this.items = plan.parts.map((part, index) => this.#makeItem(part, index, shapes[part.shape]));
+  }
+
+  #makeItem(part, index, { surface, lines }) {
+    const material = new THREE.MeshStandardMaterial({
+      color: part.color, roughness: 0.55, metalness: 0.08, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+    });
+    const edgeMaterial = new THREE.LineBasicMaterial({ color: EDGE_COLOR, transparent: true, opacity: 0.55 });
+    const mesh = new THREE.Mesh(surface, material);
+    const edges = new THREE.LineSegments(lines, edgeMaterial);
+    mesh.userData.part = index;
+    const node = new THREE.Group();
+    node.add(mesh, edges);
+    node.matrixAutoUpdate = false;
+    this.group.add(node);
+    return { node, mesh, edges, material, edgeMaterial, shapePose: part.shapePose };
+  }
+
+  /** Displacement of a part in the exploded view, `amount` in [0, 1]; a part takes part in it once it is placed. */
+  explosion(index, t, amount) {
+    const k = this.timeline.stepOfPart[index];
+    const share = k < 0 ? 1 : this.timeline.progress(k, t);
+    return this.plan.parts[index].explode.map((x) => x * amount * share);
+  }
+
+  /** The pose in which a part is drawn: its planned one, displaced in the exploded view. */
+  drawnPose(index, t, amount) {
+    const pose = Float64Array.from(this.timeline.pose(index, t));
+    const offset = this.explosion(index, t, amount);
+    for (let i = 0; i < 3; i++) pose[4 * i + 3] += offset[i];
+    return pose;
+  }
+
+  update(t, { explode, xray, cadColors }) {
+    this.items.forEach((item, index) => {
+      const part = this.plan.parts[index];
+      const state = this.timeline.state(index, t);
+      item.node.matrix.copy(matrixOf(compose(this.drawnPose(index, t, explode), item.shapePose)));
+      item.node.matrixWorldNeedsUpdate = true;
+      const opacity = state === "unsolved" ? GHOST_OPACITY : xray && state === "placed" ? XRAY_OPACITY : 1;
+      const { material } = item;
+      if (material.transparent !== opacity < 1) {
+        material.transparent = opacity < 1;
+        material.depthWrite = opacity === 1;
+        material.needsUpdate = true;
+      }
+      material.opacity = opacity;
+      material.color.set(cadColors && part.cadColor && state !== "unsolved" ? part.cadColor : part.color);
+      item.mesh.castShadow = opacity === 1;
+      item.mesh.receiveShadow = opacity === 1;
+      item.edgeMaterial.color.set(state === "unsolved" ? part.color : EDGE_COLOR);
+      item.edgeMaterial.opacity = state === "unsolved" ? 0.9 : opacity === 1 ? 0.55 : 0.4;
+    });
+  }
+
+  /** Corners of the part's box at a pose, in plan coordinates [m]. */
+  corners(index, pose) {
+    const item = this.items[index];
+    const { min, max } = item.mesh.geometry.boundingBox;
+    const placed = compose(pose, item.shapePose);
+    const points = [];
+    for (const x of [min.x, max.x]) {
+      for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) points.push(transformPoint(placed, [x, y, z]));
+    }
+    return points;
+  }
+}

@@ -1,0 +1,92 @@
+// How the moving part is held: pads and arrows at the contacts, a schematic gripper where its pose is known.
+
+const CONTACT_COLOR = "#1467e0";
+const Y_AXIS = new THREE.Vector3(0, 1, 0);
+
+function contactMaterials(color, opacity) {
+  // drawn twice: solid where visible, faint where the part hides it
+  const solid = new THREE.MeshBasicMaterial({ color, transparent: opacity < 1, opacity, depthWrite: opacity === 1 });
+  const hidden = new THREE.MeshBasicMaterial({
+    color, transparent: true, opacity: 0.4 * opacity, depthTest: false, depthWrite: false,
+  });
+  return [solid, hidden];
+}
+
+function addTwice(group, geometry, materials, place) {
+  materials.forEach((material, k) => {
+    const mesh = new THREE.Mesh(geometry, material);
+    mesh.renderOrder = 10 + k;
+    place(mesh);
+    group.add(mesh);
+  });
+}
+
+class Contacts {
+  constructor(plan, bodies, sceneSize) {
+    this.plan = plan;
+    this.bodies = bodies;
+    this.sceneSize = sceneSize;
+    this.group = new THREE.Group();
+    this.group.matrixAutoUpdate = false;
+    this.materials = contactMaterials(CONTACT_COLOR, 1);
+    this.gripperMaterials = contactMaterials("#46525f", 0.5);
+    this.shown = -1;
+  }
+
+  update(t, k, visible, explode) {
+    const step = this.plan.steps[k];
+    this.group.visible = Boolean(visible && step && step.contact && t < step.stop);
+    if (!this.group.visible) return;
+    if (this.shown !== k) this.#build(step);
+    this.shown = k;
+    this.group.matrix.copy(matrixOf(this.bodies.drawnPose(step.part, t, explode)));
+    this.group.matrixWorldNeedsUpdate = true;
+  }
+
+  #build(step) {
+    for (const mesh of this.group.children) mesh.geometry.dispose();
+    this.group.clear();
+    const { kind, points, normals, gripper } = step.contact;
+    const { boundingSphere } = this.bodies.items[step.part].mesh.geometry;
+    const scale = Math.min(Math.max(boundingSphere.radius, 0.03 * this.sceneSize), 0.075 * this.sceneSize);
+    points.forEach((point, i) => this.#arrow(point, normals[i], scale * (kind === "push" ? 1.5 : 1)));
+    if (gripper && points.length >= 2) this.#gripper(gripper, points, scale);
+  }
+
+  #arrow(point, normal, scale) {
+    const inward = new THREE.Vector3(...normal).normalize();
+    const turn = new THREE.Quaternion().setFromUnitVectors(Y_AXIS, inward);
+    const put = (back) => (mesh) => {
+      mesh.quaternion.copy(turn);
+      mesh.position.set(...point).addScaledVector(inward, -back);
+    };
+    const pad = new THREE.CylinderGeometry(0.2 * scale, 0.2 * scale, 0.05 * scale, 24);
+    const head = new THREE.ConeGeometry(0.13 * scale, 0.36 * scale, 24);
+    const shaft = new THREE.CylinderGeometry(0.048 * scale, 0.048 * scale, 0.55 * scale, 16);
+    addTwice(this.group, pad, this.materials, put(0.025 * scale));
+    addTwice(this.group, head, this.materials, put(0.23 * scale));
+    addTwice(this.group, shaft, this.materials, put(0.68 * scale));
+  }
+
+  #gripper(pose, points, scale) {
+    const local = points.map((p) => transformPoint(inverse(pose), p)[0]);
+    const reach = Math.max(...local.map(Math.abs));
+    const thick = 0.16 * scale;
+    const finger = 2.4 * scale;
+    const part = new THREE.Group();
+    for (const side of [-1, 1]) {
+      addTwice(part, new THREE.BoxGeometry(thick, 0.34 * scale, finger), this.gripperMaterials, (mesh) =>
+        mesh.position.set(side * (reach + 0.06 * scale + thick / 2), 0, 0.2 * scale - finger / 2));
+    }
+    const palm = 2 * (reach + thick + 0.06 * scale);
+    addTwice(part, new THREE.BoxGeometry(palm, 0.42 * scale, 0.3 * scale), this.gripperMaterials, (mesh) =>
+      mesh.position.set(0, 0, 0.2 * scale - finger - 0.15 * scale));
+    const turned = matrixOf(pose);
+    for (const mesh of [...part.children]) {
+      mesh.updateMatrix();
+      mesh.matrixAutoUpdate = false;
+      mesh.matrix.premultiply(turned);
+      this.group.add(mesh);
+    }
+  }
+}

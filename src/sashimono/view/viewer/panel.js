@@ -1,0 +1,212 @@
+// Everything that is not the 3D view. Names and reasons come from files: they are only ever set as text.
+
+function element(tag, properties = {}, ...children) {
+  const node = Object.assign(document.createElement(tag), properties);
+  node.append(...children.filter((child) => child !== null));
+  return node;
+}
+
+function button(label, path, action, className = "") {
+  const node = element("button", { type: "button", title: label, className, onclick: action });
+  node.setAttribute("aria-label", label);
+  setIcon(node, path);
+  return node;
+}
+
+function setIcon(node, path) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  const shape = document.createElementNS("http://www.w3.org/2000/svg", "path");
+  svg.setAttribute("viewBox", "0 0 16 16");
+  shape.setAttribute("d", path);
+  svg.append(shape);
+  node.replaceChildren(svg);
+}
+
+const ICONS = {
+  play: "M4 2.2v11.6L13.6 8z", pause: "M3.5 2.5h3.2v11H3.5zM9.3 2.5h3.2v11H9.3z",
+  previous: "M3 2.5h2v11H3zM13.5 2.5v11L5.8 8z", next: "M11 2.5h2v11h-2zM2.5 2.5v11L10.2 8z",
+};
+const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
+const ANSWERS = { PROVEN_BLOCKED: "proven blocked", UNKNOWN: "unknown" };
+
+function formatLength(metres) {
+  const mm = metres * 1000;
+  if (Math.abs(mm) >= 1000) return `${+(mm / 1000).toPrecision(4)} m`;
+  if (mm !== 0 && Math.abs(mm) < 0.001) return `${+(mm * 1000).toPrecision(2)} µm`;
+  return `${+mm.toPrecision(3)} mm`;
+}
+
+function deepest(steps) {
+  const known = steps.filter((step) => step.penetration !== null);
+  if (!known.length) return "not measured";
+  const worst = known.reduce((a, b) => (b.penetration > a.penetration ? b : a));
+  const limit = worst.tolerance === null ? "" : ` of ${formatLength(worst.tolerance)}`;
+  return formatLength(Math.max(worst.penetration, 0)) + limit;
+}
+
+function describeStep(step) {
+  const facts = [];
+  if (step.segments.length) facts.push(step.segments.map((s) => s.kind).join(" → "));
+  if (step.contact) facts.push(`${step.contact.kind}${step.contact.kind === "grasp" && step.contact.quality !== null ? `, quality ${+step.contact.quality.toPrecision(3)}` : ""}`);
+  else if (step.contactReason) facts.push(`no contact: ${step.contactReason}`);
+  if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
+  return facts.join(" · ");
+}
+
+class Panel {
+  constructor(plan, player) {
+    this.plan = plan;
+    this.player = player;
+    this.caption = document.getElementById("caption");
+    this.tip = document.getElementById("tip");
+    this.#side();
+    this.#bar();
+    this.#tools();
+  }
+
+  #side() {
+    const { plan } = this;
+    const moves = plan.steps.filter((step) => step.poses.length > 1);
+    const held = moves.filter((step) => step.contact).length;
+    const complete = plan.status === "complete" && !plan.unsolved.length;
+    const badge = complete ? "Complete & verified" : `Partial: ${plan.unsolved.length} of ${plan.parts.length} parts unsolved`;
+    const figures = [
+      ["Parts", String(plan.parts.length)], ["Steps", String(plan.steps.length)],
+      ["Held by a contact", `${held} of ${moves.length}`], ["Deepest overlap", deepest(moves)],
+    ];
+    const list = element("dl", {}, ...figures.flatMap(([name, value]) => [
+      element("dt", { textContent: name }), element("dd", { textContent: value }),
+    ]));
+    const header = element("header", {}, element("h1", { textContent: plan.title }),
+      element("span", { className: complete ? "badge" : "badge partial", textContent: badge }), list);
+    const lists = element("div", { id: "lists" });
+    if (plan.unsolved.length) {
+      lists.append(element("h2", { textContent: "Unsolved" }), element("ol", {}, ...plan.unsolved.map((item) => this.#unsolvedRow(item))));
+    }
+    this.rows = plan.steps.map((step, k) => this.#stepRow(step, k));
+    lists.append(element("h2", { textContent: "Steps" }), element("ol", {}, ...this.rows.map((row) => element("li", {}, row))));
+    if (plan.notes.length) {
+      lists.append(element("h2", { textContent: "Notes" }), ...plan.notes.map((note) => element("p", { className: "note", textContent: note })));
+    }
+    this.lists = lists;
+    document.getElementById("side").replaceChildren(header, lists);
+  }
+
+  #swatch(part) {
+    const swatch = element("span", { className: "swatch" });
+    swatch.style.background = this.plan.parts[part].color;
+    return swatch;
+  }
+
+  #stepRow(step, k) {
+    const { name } = this.plan.parts[step.part];
+    const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
+    const row = element("button", { type: "button", className: "row", title: name, onclick: () => this.player.showStep(k) },
+      element("span", { className: "number", textContent: String(k + 1) }), this.#swatch(step.part),
+      element("span", { className: "name", textContent: name }), element("span", { className: "tag", textContent: tag }),
+      element("span", { className: "more when-current", textContent: describeStep(step) }));
+    this.#hovers(row, step.part);
+    return row;
+  }
+
+  #unsolvedRow(item) {
+    const reason = item.reason.replace(/\.?\s*$/, ".");
+    const by = item.blockedBy.length ? ` Blocked by ${item.blockedBy.join(", ")}.` : "";
+    const row = element("div", { className: "row unsolved" }, element("span"), this.#swatch(item.part),
+      element("span", { className: "name", textContent: this.plan.parts[item.part].name }),
+      element("span", { className: "tag", textContent: ANSWERS[item.answer] ?? item.answer }),
+      element("span", { className: "more", textContent: reason + by }));
+    this.#hovers(row, item.part);
+    return element("li", {}, row);
+  }
+
+  #hovers(row, part) {
+    row.addEventListener("pointerenter", () => this.player.hover(part));
+    row.addEventListener("pointerleave", () => this.player.hover(-1));
+  }
+
+  #bar() {
+    const { plan, player } = this;
+    this.playButton = button("Play (space)", ICONS.play, () => player.toggle(), "play");
+    this.slider = element("input", { type: "range", min: 0, max: plan.duration, step: "any", value: 0 });
+    this.slider.setAttribute("aria-label", "Time");
+    this.slider.addEventListener("input", () => player.setTime(Number(this.slider.value)));
+    this.ticks = plan.steps.map((step) => {
+      const tick = element("i", { title: plan.parts[step.part].name });
+      tick.style.left = `${(100 * step.start) / plan.duration}%`;
+      tick.style.width = `${(100 * (step.stop - step.start)) / plan.duration}%`;
+      tick.style.background = plan.parts[step.part].color;
+      return tick;
+    });
+    const speed = element("select", { title: "Speed" }, ...SPEEDS.map((s) => element("option", { value: s, textContent: `${s}×`, selected: s === 1 })));
+    speed.addEventListener("change", () => {
+      player.speed = Number(speed.value);
+      speed.blur();
+    });
+    this.clock = element("span", { className: "clock" });
+    document.getElementById("bar").replaceChildren(
+      element("div", { className: "buttons" }, button("Previous step (←)", ICONS.previous, () => player.skip(-1)), this.playButton,
+        button("Next step (→)", ICONS.next, () => player.skip(1))),
+      element("div", { id: "track" }, element("div", { className: "steps" }, ...this.ticks), this.slider), this.clock, speed);
+  }
+
+  #tools() {
+    const { player } = this;
+    this.toggles = {};
+    const toggle = (key, label, title) => {
+      const onclick = () => player.setView({ [key]: !player.view[key] });
+      return (this.toggles[key] = element("button", { type: "button", textContent: label, title, onclick }));
+    };
+    this.explode = element("input", { type: "range", min: 0, max: 1, step: 0.01, value: 0 });
+    this.explode.addEventListener("input", () => player.setView({ explode: Number(this.explode.value) }));
+    document.getElementById("tools").append(
+      element("label", {}, "Explode", this.explode), toggle("contacts", "Contacts", "Show how the moving part is held"),
+      toggle("table", "Table", "Show the table and the tray"), toggle("xray", "See through", "Make placed parts transparent"),
+      ...(this.plan.parts.some((part) => part.cadColor) ? [toggle("cadColors", "CAD colours", "Use the colours of the source file")] : []),
+      element("button", { type: "button", textContent: "Fit", title: "Show everything (F)", onclick: () => player.fit() }));
+    this.showView(player.view);
+  }
+
+  /** Let the switches and the slider say what is shown. */
+  showView(view) {
+    this.explode.value = view.explode;
+    for (const [key, node] of Object.entries(this.toggles)) node.setAttribute("aria-pressed", String(view[key]));
+  }
+
+  update(t, k, phase, playing) {
+    const { plan } = this;
+    const step = plan.steps[k];
+    const over = t >= plan.duration;
+    const seconds = (x) => `${Math.floor(x / 60)}:${String(Math.floor(x % 60)).padStart(2, "0")}`;
+    this.clock.textContent = `${seconds(t)} / ${seconds(plan.duration)}`;
+    this.slider.value = t;
+    if (this.playing !== playing) {
+      setIcon(this.playButton, playing ? ICONS.pause : ICONS.play);
+      this.playing = playing;
+    }
+    const label = phase === "hold" ? "" : ` · ${phase}`;
+    const what = step && step.poses.length < 2 ? " · base part, stays in place" : label;
+    this.caption.replaceChildren(
+      element("b", { textContent: step ? plan.parts[step.part].name : "No step was found" }),
+      element("span", { textContent: step ? `Step ${k + 1} of ${plan.steps.length}${over ? " · done" : what}` : "All parts are shown in place" }));
+    if (this.current === k) return;
+    this.current = k;
+    this.rows.forEach((row, i) => {
+      row.classList.toggle("done", i < k);
+      if (i === k) row.setAttribute("aria-current", "step");
+      else row.removeAttribute("aria-current");
+      this.ticks[i].className = i === k ? "current" : i < k ? "done" : "";
+    });
+    const row = this.rows[k];
+    if (!row) return;
+    const [view, here] = [this.lists.getBoundingClientRect(), row.getBoundingClientRect()];
+    if (here.top < view.top || here.bottom > view.bottom) this.lists.scrollTop += here.top - view.top - view.height / 3;
+  }
+
+  showTip(name, x, y) {
+    this.tip.hidden = !name;
+    this.tip.textContent = name;
+    this.tip.style.left = `${x}px`;
+    this.tip.style.top = `${y}px`;
+  }
+}
