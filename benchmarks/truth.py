@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from common import SHARED, chosen, machine, parser, table, write_json
 
+from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import RemovalConditions, minimal
 from sashimono.disassembly.separate import Cascade, SeparateConfig
@@ -39,7 +40,7 @@ def measure(folder: Path) -> dict:
     assembly = read_assembly(folder, unit="mm")
     truth = Truth(json.loads((folder / "truth.json").read_text()), assembly.names)
     start = time.process_time()
-    cascade = Cascade(assembly, config=SeparateConfig(), rng=np.random.default_rng(0))
+    cascade = Cascade(assembly, make_bodies(assembly), config=SeparateConfig())
     conditions = cascade.conditions()
     seconds = time.process_time() - start
     queries = free = 0

@@ -11,7 +11,7 @@ from sashimono.contact.gripper import GENERIC, proportionate_gripper
 from sashimono.geometry import se3
 from sashimono.geometry.rays import cast_rays
 from sashimono.geometry.signed_distance import SignedDistance
-from sashimono.motion.body import make_body
+from sashimono.bodies import make_body
 
 TURNED = se3.exp(np.array([0.3, -0.2, 0.5, 0.4, 1.1, -0.7]))
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from solids import assembly, box, box_with_lid, l_tunnel, linked_rings, peg_in_plate, rod
 
 from sashimono.assembly import Assembly, Part
+from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.removal import Removal
@@ -24,8 +25,8 @@ from sashimono.plan import Answer
 CONFIG = SeparateConfig(translation=TranslationConfig(max_expansions=8))
 
 
-def cascade_of(parts: Assembly, seed: int = 0) -> Cascade:
-    return Cascade(parts, config=CONFIG, rng=np.random.default_rng(seed))
+def cascade_of(parts: Assembly) -> Cascade:
+    return Cascade(parts, make_bodies(parts), config=CONFIG)
 
 
 def clauses_of(parts: Assembly) -> dict[str, set[frozenset[str]]]:

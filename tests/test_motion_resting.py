@@ -10,7 +10,8 @@ from scipy.spatial import ConvexHull
 from sashimono.assembly import Part
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
-from sashimono.motion.body import Body, make_body
+from sashimono.bodies import make_body
+from sashimono.geometry.body import Body
 from sashimono.motion.config import RestingConfig, TableConfig, TrayConfig
 from sashimono.motion.resting import resting_rotation, stable_poses
 from sashimono.motion.table import choose_normal, frame, table_offset

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from sashimono.assembly import Assembly, Part
 from sashimono.geometry import se3
-from sashimono.motion.body import make_bodies, make_body, path_length
+from sashimono.bodies import make_bodies, make_body
+from sashimono.geometry.body import path_length
 from sashimono.motion.config import RRTConfig, SmoothingConfig
 from sashimono.motion.rrt_connect import pose_metric, pose_sampler, rrt_connect
 from sashimono.motion.scene import Obstacle, Scene, slab_directions

@@ -13,9 +13,11 @@ import numpy as np
 
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
+from sashimono.bodies import make_bodies
 from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
 from sashimono.disassembly.separate import Cascade, SeparateConfig, Separation, names_of
 from sashimono.disassembly.sequence import Ban, DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.geometry.body import Body, SampleConfig
 from sashimono.motion import MotionConfig, MotionResult, plan_motions
 from sashimono.plan import Answer, AssemblyPlan, Step, Unsolved
 from sashimono.verify import VerifyConfig, VerifyReport, verify_plan
@@ -30,6 +32,7 @@ Progress = Callable[[str, int, int], None]
 class PipelineConfig:
     """Options of every level, and how often they go back to one another."""
 
+    samples: SampleConfig = field(default_factory=SampleConfig)
     separate: SeparateConfig = field(default_factory=SeparateConfig)
     sequence: SequenceConfig = field(default_factory=SequenceConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
@@ -59,16 +62,17 @@ def plan_assembly(
     config = config or PipelineConfig()
     named_gripper(config.gripper)
     clock = _Clock()
-    rng_level1, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
+    rng_bodies, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
     with clock.stage("sequence"):
-        cascade = Cascade(assembly, config=config.separate, rng=rng_level1)
+        bodies = make_bodies(assembly, config=config.samples, rng=rng_bodies)
+        cascade = Cascade(assembly, bodies, config=config.separate)
     banned: frozenset[Ban] = frozenset()
     best: _Attempt | None = None
     # spawned generators advance: each attempt gets its own, whatever the ones before drew
     for motion_rng, contact_rng in zip(
         rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
     ):
-        attempt = _attempt(assembly, cascade, banned, config, (motion_rng, contact_rng), clock, progress)
+        attempt = _attempt(assembly, bodies, cascade, banned, config, (motion_rng, contact_rng), clock, progress)
         if best is None or len(attempt.steps) > len(best.steps):
             best = attempt
         if not attempt.refused - banned:
@@ -93,6 +97,7 @@ class _Attempt:
 
 def _attempt(
     assembly: Assembly,
+    bodies: Mapping[str, Body],
     cascade: Cascade,
     banned: frozenset[Ban],
     config: PipelineConfig,
@@ -116,11 +121,12 @@ def _attempt(
             config=config.motion,
             rng=rngs[0],
             in_place=[entry.part for entry in stuck],
+            bodies=bodies,
             progress=lambda done, total: progress("motion", done, total),
         )
     failed = {entry.part: entry for entry in motions.unsolved}
     with clock.stage("contact"):
-        contacts = _contacts(assembly, [n for n in order if n not in failed], motions, config, rngs[1], progress)
+        contacts = _contacts(assembly, bodies, [n for n in order if n not in failed], motions, config, rngs[1], progress)
     steps = _steps([name for name in order if name not in failed], motions, contacts)
     unsolved = [*stuck, *failed.values()]
     draft = _draft(assembly, motions, steps, tuple(unsolved))
@@ -132,6 +138,7 @@ def _attempt(
 
 def _contacts(
     assembly: Assembly,
+    bodies: Mapping[str, Body],
     order: list[str],
     motions: MotionResult,
     config: PipelineConfig,
@@ -149,6 +156,7 @@ def _contacts(
         gripper=named_gripper(config.gripper),
         config=config.contact,
         rng=rng,
+        bodies=bodies,
         progress=lambda name: progress("contact", next(done), len(order)),
     )
 

@@ -12,7 +12,7 @@ from sashimono.contact.clearance import Obstacle, Surroundings
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import Boxes, Gripper
 from sashimono.contact.poses import resample, segment_poses
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 from sashimono.plan import Motion, Table
 
 _STAGES = {

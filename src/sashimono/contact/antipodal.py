@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.samples import SurfaceSamples, cast
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from sashimono.contact.gripper import Gripper
 from sashimono.contact.samples import main_lines, sample_contacts
 from sashimono.contact.wrenches import contact_wrenches, torsional_friction
 from sashimono.geometry import mesh, se3
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 
 
 class GraspCandidates:

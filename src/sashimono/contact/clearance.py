@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.contact.gripper import Boxes
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 from sashimono.plan import Table
 
 TABLE = "the table"
@@ -86,4 +86,4 @@ class Surroundings:
 
     def _inside(self, k: int, point: Float[np.ndarray, "3"]) -> bool:
         body, T = self._obstacles[k].body, self._obstacles[k].T_world_part
-        return body.signed_distance.contains(body.scale * ((point - T[:3, 3]) @ T[:3, :3]))
+        return body.signed_distance.contains((point - T[:3, 3]) @ T[:3, :3])

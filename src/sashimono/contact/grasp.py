@@ -16,7 +16,8 @@ from sashimono.contact.candidates import GraspCandidates, congruence, find_candi
 from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import Gripper, proportionate_gripper
-from sashimono.motion.body import Body, make_bodies, make_body
+from sashimono.bodies import make_bodies, make_body
+from sashimono.geometry.body import Body
 from sashimono.plan import Contact, Motion, Table
 
 logger = logging.getLogger(__name__)
@@ -53,7 +54,7 @@ def choose_contact(
     gripper) may be given to save building them again.
     """
     if body is None:
-        body = make_body(part, 1000.0 / float(np.linalg.norm(np.ptp(part.vertices_part, axis=0))))
+        body = make_body(part)
     if candidates is None:
         candidates = find_candidates(part, body, gripper=gripper, config=config, rng=rng)
     if len(candidates) == 0:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.errors import SashimonoError
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 
 _LENGTHS = (
     "max_opening",

@@ -11,7 +11,7 @@ from sashimono.contact.config import ContactConfig
 from sashimono.geometry.directions import inertia_directions, part_directions
 from sashimono.geometry.mesh import sample_surface, triangle_cross
 from sashimono.geometry.rays import cast_rays
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 
 _SAME_DIRECTION = np.cos(np.radians(1.0))
 
@@ -24,8 +24,8 @@ def cast(
     side: Literal["entering", "leaving"],
 ) -> tuple[Float[np.ndarray, "ray"], Float[np.ndarray, "ray 3"]]:
     """Return `cast_rays` on a body's surface, in metres."""
-    distances, normals = cast_rays(body.signed_distance, origins * body.scale, directions, side=side)
-    return distances / body.scale, normals
+    distances, normals = cast_rays(body.signed_distance, origins, directions, side=side)
+    return distances, normals
 
 
 class SurfaceSamples(NamedTuple):

@@ -7,7 +7,7 @@ a motion that it passes goes nowhere deeper than the pair overlaps already, plus
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from sashimono.assembly import Assembly
 from sashimono.disassembly import raster
 from sashimono.geometry import se3
-from sashimono.geometry.body import Body, SampleConfig
+from sashimono.geometry.body import Body
 from sashimono.geometry.directions import (
     DirectionConfig,
     frame_along,
@@ -32,7 +32,6 @@ class BlockingConfig:
     smallest inertia-frame extent unless said otherwise."""
 
     directions: DirectionConfig = field(default_factory=DirectionConfig)
-    samples: SampleConfig = field(default_factory=SampleConfig)
     coarse_resolution: int = 128
     """Pixels across the whole assembly in the first look."""
     coarse_margin: int = 2
@@ -59,9 +58,9 @@ class Blocking:
     opposite. Part sets are bit masks: bit i is ``assembly.parts[i]``.
     """
 
-    def __init__(self, assembly: Assembly, *, config: BlockingConfig, rng: np.random.Generator) -> None:
+    def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: BlockingConfig) -> None:
         self.config = config
-        self.bodies = make_bodies(assembly, config=config.samples, rng=rng)
+        self.bodies = [bodies[name] for name in assembly.names]
         self.poses = [part.T_world_part for part in assembly.parts]
         self._vertices = [part.vertices_world for part in assembly.parts]
         self._faces = [part.faces for part in assembly.parts]
@@ -227,14 +226,6 @@ def bits(mask: int) -> list[int]:
     return out
 
 
-def make_bodies(assembly: Assembly, *, config: SampleConfig, rng: np.random.Generator) -> list[Body]:
-    """Return the parts' bodies, each sampled with a generator of its own."""
-    return [
-        Body(part.vertices_part, part.faces, config=config, rng=child)
-        for part, child in zip(assembly.parts, rng.spawn(len(assembly)), strict=True)
-    ]
-
-
 def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndarray, "part part"]:
     """Return how deep each pair overlaps in the assembled pose [m]: as deep it may be on its way."""
     out = np.zeros((len(bodies), len(bodies)))
@@ -244,11 +235,9 @@ def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndar
             if (boxes[a][0] > boxes[b][1]).any() or (boxes[b][0] > boxes[a][1]).any():
                 continue
             T_b_a = se3.inverse(assembly.parts[b].T_world_part) @ assembly.parts[a].T_world_part
-            depth = max(
-                bodies[b].signed_distance.depth(bodies[a].probes, T_b_a),
-                bodies[a].signed_distance.depth(bodies[b].probes, se3.inverse(T_b_a)),
+            out[a, b] = out[b, a] = max(
+                bodies[b].depth(bodies[a], T_b_a), bodies[a].depth(bodies[b], se3.inverse(T_b_a))
             )
-            out[a, b] = out[b, a] = depth
     return out
 
 

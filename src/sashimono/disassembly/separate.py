@@ -7,7 +7,7 @@ in a row. A "no" is remembered with the parts it was found among, so that larger
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,7 @@ from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.contacts import ContactNormals, escape_directions, immobile_margin
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation import TranslationConfig, search_translations
+from sashimono.geometry.body import Body
 from sashimono.plan import Answer
 
 STAGES = ("blocking", "contacts", "translation")
@@ -59,10 +60,10 @@ class Separation:
 class Cascade:
     """Answers separation questions about one assembly; what it found before only makes it faster."""
 
-    def __init__(self, assembly: Assembly, *, config: SeparateConfig, rng: np.random.Generator) -> None:
+    def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: SeparateConfig) -> None:
         self.assembly = assembly
         self.config = config
-        self.blocking = Blocking(assembly, config=config.blocking, rng=rng)
+        self.blocking = Blocking(assembly, bodies, config=config.blocking)
         self._contacts = ContactNormals(self.blocking, gap=config.contact_gap)
         self._failed: dict[int, list[tuple[int, Separation]]] = {}
         self._found: dict[int, list[tuple[int, Separation]]] = {}

@@ -1,4 +1,4 @@
-"""What the planners ask of a part's shape again and again, worked out once."""
+"""What the planners ask of a part's shape again and again, worked out once and shared by all levels."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.spatial import ConvexHull, QhullError
 
-from sashimono.geometry import mesh
+from sashimono.geometry import mesh, se3
+from sashimono.geometry.collision import Collider
 from sashimono.geometry.signed_distance import SignedDistance
 
 
@@ -23,21 +25,34 @@ class SampleConfig:
 
 
 class Body:
-    """A closed surface in its own frame with samples, size and signed distance; immutable."""
+    """A closed surface in its own frame [m]: samples, hull, mass, distances. Immutable but for `move`.
+
+    Everything costly is worked out when it is first asked for. Not for sharing between threads: see `Collider`.
+    """
 
     def __init__(
         self,
+        name: str,
         vertices: Float[np.ndarray, "vertex 3"],
         faces: Int[np.ndarray, "face 3"],
         *,
         config: SampleConfig,
         rng: np.random.Generator,
+        scale: float,
     ) -> None:
+        """Take in a part's surface; ``scale`` is what the collision objects are multiplied by, see `Collider`."""
+        self.name = name
         self.vertices = vertices
         self.faces = faces
-        self.mass_properties = mesh.mass_properties(vertices, faces)
-        self.smallest_extent = mesh.smallest_extent(vertices, faces)
+        self.scale = scale
         self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])
+        self.center = self.bounds.mean(axis=0)
+        """Centre of the bounding box, about which rotation is measured [m]."""
+        self.radius = mesh.radius(vertices, self.center)
+        """Distance of the farthest point from `center` [m]."""
+        self.mass_properties = mesh.mass_properties(vertices, faces)
+        self.extents = np.sort(np.ptp(vertices @ self.mass_properties.axes, axis=0))
+        """Extents along the inertia axes [m], ascending."""
         self.samples, self.sample_normals, _ = mesh.sample_surface(vertices, faces, config.area_samples, rng)
         corners = vertices
         if len(corners) > config.max_vertices:
@@ -45,7 +60,86 @@ class Body:
         self.probes = np.concatenate([self.samples, corners])
         """Points whose depth inside another body is looked at: samples first, then vertices."""
 
+    @property
+    def smallest_extent(self) -> float:
+        """Smallest extent along an inertia axis [m]: what tolerances are tied to."""
+        return float(self.extents[0])
+
+    @property
+    def size(self) -> float:
+        """Half the geometric mean of the extents [m]: the scale of clearances, fair to rods and plates."""
+        return float(np.cbrt(np.prod(self.extents)) / 2.0)
+
+    @property
+    def mass_center(self) -> Float[np.ndarray, "3"]:
+        """Centre of mass of the homogeneous solid [m]."""
+        return self.mass_properties.center
+
+    @cached_property
+    def hull(self) -> ConvexHull:
+        """Convex hull of the vertices; of (nearly) no volume, joggled by Qhull."""
+        try:
+            return ConvexHull(self.vertices)
+        except QhullError:
+            return ConvexHull(self.vertices, qhull_options="QJ")
+
+    @cached_property
+    def hull_points(self) -> Float[np.ndarray, "point 3"]:
+        """Corners of the convex hull [m]."""
+        return np.ascontiguousarray(self.vertices[self.hull.vertices])
+
     @cached_property
     def signed_distance(self) -> SignedDistance:
-        """Signed distance to the surface, in the body's frame."""
+        """Signed distance to the surface [m]."""
         return SignedDistance(self.vertices, self.faces)
+
+    @cached_property
+    def collider(self) -> Collider:
+        """The surface as a collision object."""
+        return Collider(self.vertices, self.faces, self.signed_distance, scale=self.scale)
+
+    def center_world(self, T_world_part: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3"]:
+        """Return where the centre is at this pose [m]."""
+        return T_world_part[:3, :3] @ self.center + T_world_part[:3, 3]
+
+    def support(
+        self, T_world_part: Float[np.ndarray, "4 4"], directions: Float[np.ndarray, "direction 3"]
+    ) -> tuple[Float[np.ndarray, "direction"], Float[np.ndarray, "direction"]]:
+        """Return the least and greatest coordinate along each world direction at this pose [m]."""
+        along = self.hull_points @ (T_world_part[:3, :3].T @ directions.T)
+        shift = directions @ T_world_part[:3, 3]
+        return along.min(axis=0) + shift, along.max(axis=0) + shift
+
+    def lowest(self, T_world_part: Float[np.ndarray, "4 4"], normal: Float[np.ndarray, "3"]) -> float:
+        """Return the least coordinate along the normal at this pose [m]."""
+        return float((self.hull_points @ (T_world_part[:3, :3].T @ normal)).min() + normal @ T_world_part[:3, 3])
+
+    def move(self, T_world_part: Float[np.ndarray, "4 4"]) -> None:
+        """Put the collision object at this pose."""
+        self.collider.move(T_world_part)
+
+    def collides(self, other: Body) -> bool:
+        """Return whether the two share a point where they were last moved to, containment included."""
+        return self.collider.collides(other.collider)
+
+    def distance(self, other: Body) -> float:
+        """Return the gap between the surfaces where they were last moved to [m], 0 if they cross."""
+        return self.collider.distance(other.collider)
+
+    def depth(self, other: Body, T_self_other: Float[np.ndarray, "4 4"]) -> float:
+        """Return how deep the other's probes, at this pose, lie inside this body [m]; 0 if none does."""
+        return self.signed_distance.depth(other.probes, T_self_other)
+
+
+def displacement_rate(body: Body, twist: Float[np.ndarray, "6"]) -> float:
+    """Return an upper bound of any point's path length along the body-fixed twist for unit time [m]."""
+    v, w = twist[:3], twist[3:]
+    angle = float(np.linalg.norm(w))
+    if angle == 0.0:
+        return float(np.linalg.norm(v))
+    return float(np.linalg.norm(v + np.cross(w, body.center))) + angle * body.radius
+
+
+def path_length(body: Body, T_a: Float[np.ndarray, "4 4"], T_b: Float[np.ndarray, "4 4"]) -> float:
+    """Return the length of the geodesic from a to b [m], rotation weighed by the part's radius."""
+    return displacement_rate(body, se3.log(se3.inverse(T_a) @ T_b))

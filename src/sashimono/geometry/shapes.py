@@ -1,7 +1,7 @@
-"""Which parts have the same shape, up to a rigid motion?
+"""Which meshes have the same shape, up to a rigid motion?
 
-Robust to the pose and to the order of vertices and faces; mirrored parts are different. Two
-parts are compared by integrals first, and only taken as the same after a motion was found that
+Robust to the pose and to the order of vertices and faces; mirrored ones are different. Two
+meshes are compared by integrals first, and only taken as the same after a motion was found that
 carries one's vertices onto the other's.
 """
 
@@ -11,10 +11,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
-from sashimono.assembly import Part
 from sashimono.geometry import mesh as measures
 
 
@@ -23,14 +22,14 @@ class ShapeConfig:
     """When two shapes count as the same."""
 
     tolerance: float = 1e-4
-    """Largest distance between matched vertices, over the part's radius."""
+    """Largest distance between matched vertices, over the shape's radius."""
     attempts: int = 256
     """Most alignments tried for a pair whose vertices come in different order."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Shape:
-    part: Part
+    faces: Int[np.ndarray, "face 3"]
     measures: Float[np.ndarray, "5"]
     """Lengths that a motion leaves alone: from volume, area and principal moments [m]."""
     radius: float
@@ -40,29 +39,31 @@ class _Shape:
     """Distances of the vertices from the centre of mass."""
 
 
-def identical_parts(parts: Sequence[Part], config: ShapeConfig | None = None) -> tuple[tuple[str, ...], ...]:
-    """Return the classes of two or more parts with the same shape, by name, in part order."""
+def identical_shapes(
+    meshes: Sequence[tuple[np.ndarray, np.ndarray]], config: ShapeConfig | None = None
+) -> tuple[tuple[int, ...], ...]:
+    """Return the classes of two or more closed meshes (vertices, faces) with the same shape, by index, in order."""
     config = config or ShapeConfig()
-    classes: list[list[_Shape]] = []
-    for part in parts:
-        shape = _describe(part)
+    shapes = [_describe(vertices, faces) for vertices, faces in meshes]
+    classes: list[list[int]] = []
+    for k, shape in enumerate(shapes):
         for members in classes:
-            if _same(members[0], shape, config):
-                members.append(shape)
+            if _same(shapes[members[0]], shape, config):
+                members.append(k)
                 break
         else:
-            classes.append([shape])
-    return tuple(tuple(shape.part.name for shape in members) for members in classes if len(members) > 1)
+            classes.append([k])
+    return tuple(tuple(members) for members in classes if len(members) > 1)
 
 
-def _describe(part: Part) -> _Shape:
-    mass = measures.mass_properties(part.vertices_part, part.faces)
-    points = part.vertices_part - mass.center
-    lengths = [np.cbrt(mass.volume), np.sqrt(measures.area(part.vertices_part, part.faces))]
+def _describe(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> _Shape:
+    mass = measures.mass_properties(vertices, faces)
+    points = vertices - mass.center
+    lengths = [np.cbrt(mass.volume), np.sqrt(measures.area(vertices, faces))]
     return _Shape(
-        part=part,
+        faces=faces,
         measures=np.array([*lengths, *np.sqrt(np.maximum(mass.moments / mass.volume, 0.0))]),
-        radius=measures.radius(part.vertices_part, mass.center),
+        radius=measures.radius(vertices, mass.center),
         points=points,
         distances=np.linalg.norm(points, axis=1),
     )
@@ -70,13 +71,13 @@ def _describe(part: Part) -> _Shape:
 
 def _same(a: _Shape, b: _Shape, config: ShapeConfig) -> bool:
     tolerance = config.tolerance * a.radius
-    if len(a.points) != len(b.points) or len(a.part.faces) != len(b.part.faces):
+    if len(a.points) != len(b.points) or len(a.faces) != len(b.faces):
         return False
     if np.abs(a.measures - b.measures).max() > tolerance or abs(a.radius - b.radius) > tolerance:
         return False
     if np.abs(np.sort(a.distances) - np.sort(b.distances)).max() > tolerance:
         return False
-    if np.array_equal(a.part.faces, b.part.faces):
+    if np.array_equal(a.faces, b.faces):
         rotation = _rotation_between(a.points, b.points)
         if np.linalg.norm(a.points @ rotation.T - b.points, axis=1).max() <= tolerance:
             return True
@@ -92,7 +93,7 @@ def _rotation_between(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) 
 def _aligned(a: _Shape, b: _Shape, tolerance: float, attempts: int) -> bool:
     """Return whether some rotation carries the vertices and faces' centres of a onto those of b."""
     tree = KDTree(b.points)
-    centers_a, centers_b = (s.points[s.part.faces].mean(axis=1) for s in (a, b))
+    centers_a, centers_b = (s.points[s.faces].mean(axis=1) for s in (a, b))
     center_tree = KDTree(centers_b)
     few = a.points[np.unique(np.linspace(0, len(a.points) - 1, 24).astype(int))]
     for k, rotation in enumerate(_candidate_rotations(a, b, tolerance)):

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
-from sashimono.motion.body import Body, path_length
+from sashimono.geometry.body import Body, path_length
 from sashimono.motion.scene import Obstacle, Scene
 from sashimono.plan import Table
 

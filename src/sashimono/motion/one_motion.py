@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.motion.body import Body, path_length
+from sashimono.geometry.body import Body, path_length
 from sashimono.motion.config import MotionConfig
 from sashimono.motion.insertion import Insertion
 from sashimono.motion.pure_rrt import TolerantScene

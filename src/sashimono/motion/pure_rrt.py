@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.geometry import se3
-from sashimono.motion.body import path_length
+from sashimono.geometry.body import path_length
 from sashimono.motion.config import MotionConfig
 from sashimono.motion.scene import Scene
 from sashimono.plan import Table

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sashimono.geometry import se3
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 from sashimono.motion.config import RestingConfig
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.geometry import se3
-from sashimono.motion.body import Body, displacement_rate
+from sashimono.geometry.body import Body, displacement_rate
 from sashimono.plan import Table
 
 

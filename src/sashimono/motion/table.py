@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.removal import Removal
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 from sashimono.motion.config import RestingConfig, TableConfig
 from sashimono.motion.resting import stable_poses
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.geometry import se3
-from sashimono.motion.body import Body, path_length
+from sashimono.geometry.body import Body, path_length
 from sashimono.motion.config import MotionConfig
 from sashimono.motion.rrt_connect import pose_metric, pose_sampler, rrt_connect
 from sashimono.motion.scene import EdgeCheck, Scene

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.geometry import se3
-from sashimono.motion.body import Body
+from sashimono.geometry.body import Body
 from sashimono.motion.config import MotionConfig
 from sashimono.motion.insertion import Insertion, densify
 from sashimono.motion.resting import StablePose, resting_rotation

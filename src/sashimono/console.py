@@ -1,0 +1,94 @@
+"""What the command line shows: progress, and the summary of a plan."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from textwrap import shorten
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.assembly import Assembly
+from sashimono.plan import AssemblyPlan, Step, Unsolved
+
+REASON_WIDTH = 80
+"""Longer reasons for a missing contact are cut in the summary; plan.json has them whole."""
+
+
+@contextmanager
+def progress_display() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a callback for (stage, done, total): bars on a terminal, one line a finished stage otherwise.
+
+    Both go to standard error.
+    """
+    if not sys.stderr.isatty():
+        yield _line_progress
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        tasks = {}
+
+        def update(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=total)
+            bars.update(tasks[stage], completed=done, total=total)
+
+        yield update
+
+
+def _line_progress(stage: str, done: int, total: int) -> None:
+    if done == total:
+        sys.stderr.write(f"{stage}: {done} of {total}\n")
+
+
+def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
+    """Return the plan in words: a line for the whole, one a step in assembly order, one for each unsolved part."""
+    verdict = "complete and verified" if plan.status == "complete" else "partial"
+    width = max((len(name) for name in plan.parts), default=0)
+    return [
+        f"{verdict}: {len(plan.steps)} of {len(assembly)} parts placed",
+        *(f"{k:4d} {step.part:<{width}}  {_step_words(step)}" for k, step in enumerate(plan.steps, 1)),
+        *(f"   - {entry.part:<{width}}  {_unsolved_words(entry)}" for entry in plan.unsolved),
+    ]
+
+
+def _step_words(step: Step) -> str:
+    words = [_direction_words(step.motion.T_world_part)]
+    if len(step.motion.T_world_part) > 1:
+        words.append(_contact_words(step))
+    evidence = step.motion.evidence
+    if "max_penetration" in evidence and "tolerance" in evidence:
+        deepest, tolerance = 1e3 * evidence["max_penetration"], 1e3 * evidence["tolerance"]
+        words.append(f"deepest {deepest:.3g} mm of {tolerance:.3g} mm")
+    return ", ".join(words)
+
+
+def _direction_words(T_world_part: Float[np.ndarray, "pose 4 4"]) -> str:
+    """Name the direction in which the part arrives: an axis within half a degree, else its components."""
+    if len(T_world_part) < 2:
+        return "base, starts in place"
+    travel = T_world_part[-1, :3, 3] - T_world_part[-2, :3, 3]
+    length = float(np.linalg.norm(travel))
+    if length == 0.0 or not np.allclose(T_world_part[-1, :3, :3], T_world_part[-2, :3, :3], atol=1e-6):
+        return "turning"
+    direction = travel / length
+    axis = int(np.argmax(np.abs(direction)))
+    if abs(direction[axis]) > np.cos(np.radians(0.5)):
+        return f"along {'-' if direction[axis] < 0 else '+'}{'xyz'[axis]}"
+    return "along ({:.2f}, {:.2f}, {:.2f})".format(*direction)
+
+
+def _contact_words(step: Step) -> str:
+    if step.contact is None:
+        return f"no contact ({shorten(step.contact_reason or 'not planned', REASON_WIDTH, placeholder=' …')})"
+    return f"{step.contact.kind} of quality {step.contact.quality:.3g}"
+
+
+def _unsolved_words(entry: Unsolved) -> str:
+    blockers = f", blocked by {', '.join(entry.blocked_by)}" if entry.blocked_by else ""
+    return f"{entry.answer}{blockers}: {entry.reason}"

@@ -1,0 +1,82 @@
+"""Checks at the door: closed parts, plausible size, overlap in the assembled pose."""
+
+from __future__ import annotations
+
+import numpy as np
+from manifold3d import Manifold
+
+from sashimono.assembly import Overlap, Part
+from sashimono.errors import InputError
+from sashimono.io.mend import Surface, close_surface, to_manifold
+from sashimono.io.raw import RawPart, ReadConfig
+
+
+def close_parts(
+    raw: list[RawPart], *, source: str, repair: bool, config: ReadConfig
+) -> tuple[list[Part], list[str]]:
+    """Return the parts with closed, outward surfaces, and notes on what was mended.
+
+    Raises one InputError that names every part that cannot be closed.
+    """
+    done: dict[int, Surface | str] = {}
+    parts: list[Part] = []
+    notes: list[str] = []
+    broken: list[tuple[RawPart, str]] = []
+    for part in raw:
+        result = done.get(part.shape) if part.shape is not None else None
+        if result is None:
+            result = close_surface(part.vertices, part.faces, repair=repair, config=config)
+            if part.shape is not None:
+                done[part.shape] = result
+        if isinstance(result, str):
+            broken.append((part, result))
+            continue
+        parts.append(Part(
+            name=part.name, vertices_part=result.vertices, faces=result.faces, T_world_part=part.T_world_part,
+            color=part.color,
+        ))  # fmt: skip
+        notes += [f"{part.name}: {', '.join(result.mended)}"] if result.mended else []
+        if result.bodies > 1:
+            notes.append(f"{part.name}: {result.bodies} separate bodies, kept together as one rigid part")
+    if broken:
+        raise InputError(_refusal(broken, source, repair))
+    return parts, notes
+
+
+def _refusal(broken: list[tuple[RawPart, str]], source: str, repair: bool) -> str:
+    way_out = "separation needs a closed surface. Close it in the CAD program or a mesh tool"
+    way_out += "" if repair else ", or allow mending"
+    if len(broken) == 1:
+        part, problem = broken[0]
+        where = part.where if part.where != source else f"{source}: {part.name}"
+        return f"{where}: {problem}; {way_out}"
+    listed = ", ".join(f"{part.name} ({problem})" for part, problem in broken)
+    return f"{source}: {len(broken)} parts are not closed: {listed}; {way_out}"
+
+
+def size_note(parts: list[Part], unit: str, config: ReadConfig) -> list[str]:
+    """Return a note if the assembly's diagonal is implausible, naming the unit to check."""
+    low = np.min([p.bounds_world[0] for p in parts], axis=0)
+    high = np.max([p.bounds_world[1] for p in parts], axis=0)
+    diagonal = float(np.linalg.norm(high - low))
+    if config.smallest <= diagonal <= config.largest:
+        return []
+    return [f"the whole assembly measures {diagonal:.3g} m: check the unit, {unit!r} was used"]
+
+
+def find_overlaps(parts: list[Part], config: ReadConfig) -> tuple[Overlap, ...]:
+    """Return the pairs of parts that share volume in the assembled pose, worst first."""
+    boxes = np.array([part.bounds_world for part in parts])
+    low, high = boxes[:, 0], boxes[:, 1]
+    meet = ((low[:, None] < high[None]) & (high[:, None] > low[None])).all(axis=2)
+    solids: dict[int, Manifold] = {}
+    found: list[Overlap] = []
+    for i, j in np.argwhere(np.triu(meet, 1)).tolist():
+        for k in (i, j):
+            if k not in solids:
+                solids[k] = to_manifold(parts[k].vertices_world, parts[k].faces)
+        volume = max((solids[i] ^ solids[j]).volume(), 0.0)
+        fraction = volume / min(solids[i].volume(), solids[j].volume())
+        if fraction > config.overlap:
+            found.append(Overlap(first=parts[i].name, second=parts[j].name, volume=volume, fraction=fraction))
+    return tuple(sorted(found, key=lambda o: (-o.fraction, o.first, o.second)))

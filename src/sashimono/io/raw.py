@@ -1,0 +1,94 @@
+"""What the file readers hand over, and the options of reading."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+METRES: Mapping[str, float] = {
+    "m": 1.0,
+    "dm": 0.1,
+    "cm": 1e-2,
+    "mm": 1e-3,
+    "um": 1e-6,
+    "in": 0.0254,
+    "ft": 0.3048,
+}
+"""Length units by the name that ``--unit`` takes, in metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadConfig:
+    """Options of reading an assembly."""
+
+    step_linear: float = 0.003
+    """Tessellation of STEP: largest sag of a chord over the size of its edge. Relative, so that a 2 mm watch
+    and a 2 m machine get equally many triangles, and equal circles equal facets."""
+    step_angular: float = 0.3
+    """Tessellation of STEP: largest turn between neighbouring chords [rad]."""
+    step_retries: tuple[float, ...] = (1.7, 3.0, 0.6)
+    """Where the converter left faces of a part out: the tessellation is tried again, this many times as coarse."""
+    weld: float = 1e-5
+    """Vertices nearer than this are one where a surface is not closed otherwise, over the part's diagonal."""
+    hole_area: float = 0.02
+    """Largest hole that is filled, its area over the part's surface area."""
+    hole_flatness: float = 0.02
+    """How far a hole's rim may leave its plane to be filled, over the rim's diagonal."""
+    overlap: float = 1e-6
+    """Overlaps below this fraction of the smaller part's volume are rounding, and not reported."""
+    smallest: float = 1e-3
+    """Assemblies with a smaller diagonal [m] get a note to check the unit."""
+    largest: float = 100.0
+    """Assemblies with a larger diagonal [m] get a note to check the unit."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawPart:
+    """One part as its file has it, in metres, not yet checked."""
+
+    name: str
+    """Part name, perhaps not unique."""
+    where: str
+    """File, or place in the file, for messages."""
+    vertices: Float[np.ndarray, "vertex 3"]
+    """Points in the part's frame [m]."""
+    faces: Int[np.ndarray, "face 3"]
+    T_world_part: Float[np.ndarray, "4 4"]
+    color: tuple[float, float, float] | None = None
+    """Linear RGB in [0, 1]."""
+    shape: int | None = None
+    """Parts with the same number are instances of one mesh in the file."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawAssembly:
+    """All parts of a source, in file order."""
+
+    parts: tuple[RawPart, ...]
+    unit: str
+    """Unit of the source's coordinates."""
+    files: Mapping[str, bytes]
+    """Content of every file that was used, by name relative to the source."""
+    split_single: bool = False
+    """Whether a lone part may be taken apart into its solids (scenes and CAD, whose parts are named inside)."""
+    notes: tuple[str, ...] = field(default=())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mesh:
+    """Triangles as a mesh file has them, in the file's unit."""
+
+    vertices: Float[np.ndarray, "vertex 3"]
+    faces: Int[np.ndarray, "face 3"]
+    color: tuple[float, float, float] | None = None
+    """Linear RGB in [0, 1]."""
+
+
+def linear_rgb(srgb: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    """Return the linear RGB of an sRGB colour, both in [0, 1]."""
+    c = np.clip(srgb, 0.0, 1.0)
+    r, g, b = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    return float(r), float(g), float(b)

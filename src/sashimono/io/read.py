@@ -1,0 +1,113 @@
+"""Reading an assembly: any supported file or folder in, checked parts in metres out."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sashimono.assembly import Assembly, Source
+from sashimono.errors import InputError
+from sashimono.geometry import topology
+from sashimono.geometry.shapes import identical_shapes
+from sashimono.io import meshes
+from sashimono.io.checks import close_parts, find_overlaps, size_note
+from sashimono.io.folders import read_folder
+from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig
+from sashimono.io.scenes import read_3mf_scene, read_gltf_scene, unique_names
+from sashimono.io.step import read_step
+
+SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
+"""Files that hold a whole assembly."""
+
+
+def read_assembly(
+    path: str | Path, *, unit: str | None = None, repair: bool = True, config: ReadConfig | None = None
+) -> Assembly:
+    """Return the assembly in a STEP, glTF or 3MF file, or in a folder of OBJ, STL or PLY files in place.
+
+    Parts come in product-tree order (scenes) or natural name order (folders), in metres, with
+    closed outward surfaces. ``unit`` ("mm", "m", "cm", "in", ...) is for mesh files, which state
+    none. With ``repair``, small faults are mended and named in the notes. Raises InputError, one
+    line with the way out, for anything that cannot be used.
+    """
+    path, config = Path(path), config or ReadConfig()
+    if unit is not None and unit not in METRES:
+        raise InputError(f"unit {unit!r} is not known; use one of {', '.join(METRES)}")
+    try:
+        raw = _read_raw(path, unit, config)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path}: cannot be read ({reason}); check the path and its rights") from error
+    notes = list(raw.notes)
+    if unit is not None and unit != raw.unit:
+        notes.append(f"the file states its unit ({raw.unit}): unit {unit} not used")
+    raw_parts, split_notes = _split_single(raw)
+    _check_finite(raw_parts, str(path))
+    if len(raw_parts) < 2:
+        what = f"holds 1 part ({raw_parts[0].name})" if raw_parts else "holds no part with a surface"
+        raise InputError(f"{path}: {what}; an assembly needs at least 2")
+    names = unique_names([part.name for part in raw_parts])
+    raw_parts = [replace(part, name=name) for part, name in zip(raw_parts, names, strict=True)]
+    parts, mend_notes = close_parts(raw_parts, source=str(path), repair=repair, config=config)
+    notes += [*split_notes, *mend_notes, *size_note(parts, raw.unit, config)]
+    same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
+    return Assembly(
+        parts=tuple(parts),
+        source=Source(path=str(path), sha256=_digest(raw.files, path), unit=raw.unit),
+        overlaps=find_overlaps(parts, config),
+        identical=tuple(tuple(names[k] for k in members) for members in same),
+        notes=tuple(notes),
+    )
+
+
+def _read_raw(path: Path, unit: str | None, config: ReadConfig) -> RawAssembly:
+    if path.is_dir():
+        return read_folder(path, unit)
+    suffix = path.suffix.lower()
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; check the path")
+    if suffix in meshes.SUFFIXES:
+        raise InputError(f"{path}: a mesh file is a single part; give the folder that holds one for each part")
+    if suffix not in SCENE_SUFFIXES:
+        raise InputError(
+            f"{path}: {suffix or 'a file without suffix'} is not supported; give {', '.join(SCENE_SUFFIXES)}"
+            f" or a folder of {', '.join(meshes.SUFFIXES)}"
+        )
+    data = path.read_bytes()
+    if not data:
+        raise InputError(f"{path}: the file is empty; export it again")
+    if suffix in (".step", ".stp"):
+        return read_step(path, data, config)
+    return read_3mf_scene(path, data) if suffix == ".3mf" else read_gltf_scene(path, data)
+
+
+def _split_single(raw: RawAssembly) -> tuple[list[RawPart], list[str]]:
+    """Return the parts; where the file names only one, its separate solids."""
+    if len(raw.parts) != 1 or not raw.split_single:
+        return list(raw.parts), []
+    part = raw.parts[0]
+    solids = topology.split_solids(part.vertices, part.faces)
+    if len(solids) < 2:
+        return [part], []
+    parts = [replace(part, faces=faces, shape=None) for faces in solids]
+    return parts, [f"{part.name}: the file's only part holds {len(solids)} solids; each was taken as a part"]
+
+
+def _check_finite(parts: list[RawPart], source: str) -> None:
+    """Raise InputError for parts whose arrays are no mesh; the readers of single files have checked theirs."""
+    for part in parts:
+        problem = meshes.mesh_problem(meshes.Mesh(vertices=part.vertices, faces=np.asarray(part.faces)))
+        if problem:
+            raise InputError(f"{source}: {part.name} {problem}; export it again")
+
+
+def _digest(files: Mapping[str, bytes], path: Path) -> str:
+    """Return the hash of the one file, or of the sorted (name, content hash) list of a folder's files."""
+    if path.is_file() and len(files) == 1:
+        return hashlib.sha256(next(iter(files.values()))).hexdigest()
+    lines = (f"{name}\0{hashlib.sha256(files[name]).hexdigest()}\n" for name in sorted(files))
+    return hashlib.sha256("".join(lines).encode()).hexdigest()

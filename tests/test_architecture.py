@@ -1,0 +1,178 @@
+"""The tree is held to its own rules: import directions, light imports, public names, nothing of this machine."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import pkgutil
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import sashimono
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+PACKAGE = REPOSITORY / "src" / "sashimono"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+LEVELS = [
+    {"errors"},
+    {"geometry"},
+    {"assembly", "plan", "bodies"},
+    {"io"},
+    {"disassembly"},
+    {"motion"},
+    {"contact"},
+    {"pipeline", "verify", "view"},
+    {"cli", "console"},
+]
+"""Lowest first; a unit is a module or package right below `sashimono`."""
+
+SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly"), ("pipeline", "verify"), ("cli", "console")}
+"""The only imports within a level."""
+
+DISTRIBUTIONS = {"fcl": "python-fcl", "igl": "libigl"}
+"""Distributions whose import name differs."""
+
+
+def unit_of(path: Path) -> str:
+    """Return the unit a file belongs to; the empty string for the package's own ``__init__``."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return "" if parts == ("__init__",) else parts[0]
+
+
+def imported(path: Path) -> Iterator[tuple[str, bool]]:
+    """Yield every imported module's dotted name, wherever the statement stands, and whether it is at module level.
+
+    ``from sashimono.geometry import se3`` yields ``sashimono.geometry.se3``.
+    """
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    top = {id(node) for node in tree.body}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, id(node) in top
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            for alias in node.names:
+                yield f"{node.module}.{alias.name}", id(node) in top
+
+
+def in_package(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield (unit, dotted name without the package) of every import from within the package."""
+    for name, _ in imported(path):
+        head, *rest = name.split(".")
+        if head == "sashimono" and rest and rest[0] != "__version__":
+            yield rest[0], ".".join(rest)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_downward(path: Path) -> None:
+    unit = unit_of(path)
+    if unit in ("", "__main__"):
+        return
+    rank = {name: k for k, names in enumerate(LEVELS) for name in names}
+    assert unit in rank, f"{unit} has no level: add it to LEVELS"
+    upward = [
+        name
+        for other, name in in_package(path)
+        if other != unit and rank[other] >= rank[unit] and (unit, other) not in SAME_LEVEL
+    ]
+    assert upward == []
+
+
+def test_verify_shares_no_code_with_the_planner() -> None:
+    allowed = re.compile(r"(errors|assembly|plan|io|verify)(\.|$)|geometry\.se3(\.|$)")
+    used = {name for path in (PACKAGE / "verify").rglob("*.py") for _, name in in_package(path)}
+    assert used
+    assert sorted(name for name in used if not allowed.match(name)) == []
+
+
+def test_third_party_imports_are_declared() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+    def names(requirements: list[str]) -> set[str]:
+        return {re.split(r"[<>=!~;\[ ]", text, maxsplit=1)[0] for text in requirements}
+
+    required = names(project["dependencies"])
+    optional = names([text for group in project["optional-dependencies"].values() for text in group])
+    used = set()
+    for path in MODULES:
+        for name, at_module_level in imported(path):
+            head = name.split(".")[0]
+            if head in sys.stdlib_module_names or head == "sashimono":
+                continue
+            distribution = DISTRIBUTIONS.get(head, head)
+            used.add(distribution)
+            declared = required if at_module_level else required | optional
+            assert distribution in declared, f"{path}: {head} is not declared in pyproject.toml"
+    assert required - used == set(), "declared, but imported nowhere"
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import sashimono",
+        "from sashimono.cli import run; run(['--help'])",
+        "from sashimono.cli import run; run(['plan'])",
+    ],
+)
+def test_nothing_heavy_is_imported_early(statement: str) -> None:
+    heavy = ["numpy", "scipy", "numba", "trimesh", "igl", "fcl", "manifold3d", "cascadio", "torch", "ray", "rich"]
+    code = f"{statement}; import sys; print('imported:', [m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("imported: []\n")
+
+
+def test_public_names_resolve_and_are_listed_once() -> None:
+    assert len(set(sashimono.__all__)) == len(sashimono.__all__)
+    assert sorted(sashimono.__all__) == dir(sashimono)
+    for name in sashimono.__all__:
+        assert getattr(sashimono, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'absent'"):
+        _ = sashimono.absent
+
+
+def test_each_package_has_the_names_it_lists() -> None:
+    homes: dict[int, str] = {}
+    for info in pkgutil.iter_modules(sashimono.__path__, "sashimono."):
+        if not info.ispkg:
+            continue
+        package = importlib.import_module(info.name)
+        listed = getattr(package, "__all__", [])
+        assert len(set(listed)) == len(listed)
+        for name in listed:
+            value = getattr(package, name)
+            assert homes.setdefault(id(value), info.name) == info.name, f"{name} is public in two packages"
+
+
+def repository_files() -> list[Path]:
+    """Return the project's own text files, however the tree was obtained."""
+    folders = ["src", "tests", "docs", "examples", "benchmarks", ".ci"]
+    found = [path for folder in folders for path in (REPOSITORY / folder).rglob("*")]
+    found += [path for path in REPOSITORY.iterdir() if path.name != ".git"]
+    binary = {".png", ".webp", ".gif", ".pyc", ".nbi", ".nbc", ".glb", ".parquet", ".onnx", ".pt"}
+    return [path for path in found if path.is_file() and path.suffix not in binary]
+
+
+def test_nothing_of_one_machine_is_in_the_repository() -> None:
+    # spelled in pieces, so that this file does not hold them itself
+    private = re.compile(
+        "|".join(re.escape("/" + name) for name in ("work/", "root/", "tmp/w/", "opt/pypi", "opt/wheels"))
+    )
+    files = repository_files()
+    assert len(files) > 20
+    found = [path for path in files if private.search(path.read_text(encoding="utf-8", errors="replace"))]
+    assert found == []
+
+
+def test_constraints_name_versions_only() -> None:
+    lines = (REPOSITORY / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line for line in lines if not line.startswith("#")]
+    assert all(re.fullmatch(r"[a-z0-9-]+==[0-9][0-9a-z.]*", pin) for pin in pins)
+    assert "torch==2.13.0" in pins
