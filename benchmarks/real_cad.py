@@ -51,10 +51,11 @@ def measure(folder: Path, *, second: bool) -> dict:
     parts = len(list(folder.glob("*.obj")))
     row = {"name": folder.name, "kind": kind_of(folder.name, parts), "parts": parts}
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "sashimono.cli", "plan", str(folder), "--out", out, "--unit", "mm"]
+        command = [sys.executable, "-m", "sashimono", "plan", str(folder), "--out", out, "--unit", "mm"]
         with tempfile.TemporaryFile("w+") as said:
             start = time.perf_counter()
-            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, env=os.environ | {"COLUMNS": "200"})
+            environment = os.environ | {"COLUMNS": "200"}
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, env=environment)
             _, status, usage = os.wait4(process.pid, 0)
             wall = time.perf_counter() - start
             process.returncode = os.waitstatus_to_exitcode(status)

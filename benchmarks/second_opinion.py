@@ -83,9 +83,9 @@ def extent(vertices: np.ndarray, body: manifold3d.Manifold) -> float:
     """Smallest extent along the principal axes of the vertices of a fine sampling of the solid's volume."""
     mesh = body.refine_to_length(float(np.ptp(vertices, axis=0).max()) / 20).to_mesh64()
     points = mesh.vert_properties[:, :3]
-    corners = points[mesh.tri_verts.astype(np.int64)]
-    weights = np.einsum("fi,fi->f", corners[:, 0] - points[0], np.cross(corners[:, 1] - points[0], corners[:, 2] - points[0]))
-    middles = (corners.sum(axis=1) + points[0]) / 4
+    a, b, c = np.moveaxis(points[mesh.tri_verts.astype(np.int64)] - points[0], 1, 0)
+    weights = np.einsum("fi,fi->f", a, np.cross(b, c))
+    middles = points[0] + (a + b + c) / 4
     centre = weights @ middles / weights.sum()
     spread = np.einsum("f,fi,fj->ij", weights, middles - centre, middles - centre) / weights.sum()
     return float(np.ptp(vertices @ np.linalg.eigh(spread)[1], axis=0).min())

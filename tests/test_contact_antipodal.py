@@ -5,13 +5,13 @@ import pytest
 import trimesh
 
 from sashimono.assembly import Part
+from sashimono.bodies import make_body
 from sashimono.contact.candidates import congruence, find_candidates
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import GENERIC, proportionate_gripper
 from sashimono.geometry import se3
 from sashimono.geometry.rays import cast_rays
 from sashimono.geometry.signed_distance import SignedDistance
-from sashimono.bodies import make_body
 
 TURNED = se3.exp(np.array([0.3, -0.2, 0.5, 0.4, 1.1, -0.7]))
 

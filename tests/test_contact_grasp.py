@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sashimono.assembly import Assembly, Part
+from sashimono.bodies import make_body
 from sashimono.contact import (
     PRESETS,
     ContactConfig,
@@ -24,7 +25,6 @@ from sashimono.contact.gripper import Boxes
 from sashimono.contact.poses import exp_many, resample
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
-from sashimono.bodies import make_body
 from sashimono.plan import Motion, Segment, Table
 
 PANDA = PRESETS["panda"]
@@ -70,7 +70,7 @@ def drop_in(part, *, beside=0.5, height=0.3, rest_z=None):
 
 
 def still(part):
-    return Obstacle(body=make_body(part, scale=1000.0), T_world_part=part.T_world_part)
+    return Obstacle(body=make_body(part), T_world_part=part.T_world_part)
 
 
 def choose(part, motion, parts=(), table=None, gripper=PANDA, config=CONFIG, seed=0):

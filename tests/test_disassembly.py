@@ -21,7 +21,6 @@ from sashimono.disassembly.translation import TranslationConfig
 from sashimono.geometry import se3
 from sashimono.plan import Answer
 
-
 CONFIG = SeparateConfig(translation=TranslationConfig(max_expansions=8))
 
 

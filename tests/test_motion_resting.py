@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from sashimono.assembly import Part
+from sashimono.bodies import make_body
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
-from sashimono.bodies import make_body
 from sashimono.geometry.body import Body
 from sashimono.motion.config import RestingConfig, TableConfig, TrayConfig
 from sashimono.motion.resting import resting_rotation, stable_poses

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sashimono.assembly import Assembly, Part
-from sashimono.geometry import se3
 from sashimono.bodies import make_bodies, make_body
+from sashimono.geometry import se3
 from sashimono.geometry.body import path_length
 from sashimono.motion.config import RRTConfig, SmoothingConfig
 from sashimono.motion.rrt_connect import pose_metric, pose_sampler, rrt_connect

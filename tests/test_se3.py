@@ -41,9 +41,7 @@ def test_interpolation_is_a_screw_motion() -> None:
     turn = se3.make(se3.exp_so3(np.array([0.0, 0.0, np.pi / 2])), np.array([0.0, 0.0, 2.0]))
     end = center @ turn @ se3.inverse(center)
     half = se3.make(se3.exp_so3(np.array([0.0, 0.0, np.pi / 4])), np.array([0.0, 0.0, 1.0]))
-    np.testing.assert_allclose(
-        se3.interpolate(np.eye(4), end, 0.5), center @ half @ se3.inverse(center), atol=1e-12
-    )
+    np.testing.assert_allclose(se3.interpolate(np.eye(4), end, 0.5), center @ half @ se3.inverse(center), atol=1e-12)
 
 
 @given(TWISTS, TWISTS, TWISTS, st.floats(0.0, 1.0))
@@ -53,6 +51,8 @@ def test_interpolation_does_not_depend_on_the_body_frame(a: np.ndarray, b: np.nd
     np.testing.assert_allclose(moved, se3.interpolate(A, A @ B, u), atol=1e-7)
 
 
-@pytest.mark.parametrize("broken", [np.diag([1.0, 1.0, -1.0, 1.0]), 1.1 * np.eye(4), np.full((4, 4), np.nan), np.eye(3)])
+@pytest.mark.parametrize(
+    "broken", [np.diag([1.0, 1.0, -1.0, 1.0]), 1.1 * np.eye(4), np.full((4, 4), np.nan), np.eye(3)]
+)
 def test_is_pose_refuses_what_is_not_rigid(broken: np.ndarray) -> None:
     assert not se3.is_pose(broken)

@@ -13,13 +13,10 @@ def make_body(
     *,
     config: SampleConfig | None = None,
     rng: np.random.Generator | None = None,
-    scale: float | None = None,
 ) -> Body:
-    """Return one part's body. Bodies that are to meet must share the ``scale``, see `Collider`."""
-    if scale is None:
-        scale = _scale(part)
+    """Return one part's body, sampled with this generator (seed 0 if none is given)."""
     config, rng = config or SampleConfig(), rng or np.random.default_rng(0)
-    return Body(part.name, part.vertices_part, part.faces, config=config, rng=rng, scale=scale)
+    return Body(part.name, part.vertices_part, part.faces, config=config, rng=rng)
 
 
 def make_bodies(
@@ -27,13 +24,7 @@ def make_bodies(
 ) -> dict[str, Body]:
     """Return the body of every part, by name, each sampled with a generator of its own (seed 0 if none is given)."""
     rng = rng or np.random.default_rng(0)
-    scale = min(_scale(part) for part in assembly.parts)
     return {
-        part.name: make_body(part, config=config, rng=child, scale=scale)
+        part.name: make_body(part, config=config, rng=child)
         for part, child in zip(assembly.parts, rng.spawn(len(assembly)), strict=True)
     }
-
-
-def _scale(part: Part) -> float:
-    """Collision units in a metre with which the part is 1000 across."""
-    return 1000.0 / float(np.linalg.norm(np.ptp(part.vertices_part, axis=0)))

@@ -150,6 +150,7 @@ def conditions(
 
     import numpy as np
 
+    from sashimono.bodies import make_bodies
     from sashimono.disassembly.separate import Cascade, SeparateConfig
     from sashimono.io.read import read_assembly
 
@@ -157,7 +158,7 @@ def conditions(
         raise SashimonoError(f"--json {json_file} is a folder. Name a file.")
     _refuse_unwritable(json_file.parent, option="--json")
     assembly = read_assembly(source, unit=unit)
-    cascade = Cascade(assembly, config=SeparateConfig(), rng=np.random.default_rng(seed))
+    cascade = Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=SeparateConfig())
     found = cascade.conditions().as_dict()
     with _replacing_together(json_file.parent) as folder:
         (folder / json_file.name).write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, nam
 from sashimono.disassembly.separate import Cascade, SeparateConfig, Separation, names_of
 from sashimono.disassembly.sequence import Ban, DisassemblyResult, SequenceConfig, find_disassembly
 from sashimono.geometry.body import Body, SampleConfig
+from sashimono.geometry.mesh import smallest_extent
 from sashimono.motion import MotionConfig, MotionResult, plan_motions
 from sashimono.plan import Answer, AssemblyPlan, Step, Unsolved
 from sashimono.verify import VerifyConfig, VerifyReport, verify_plan
@@ -126,14 +126,15 @@ def _attempt(
         )
     failed = {entry.part: entry for entry in motions.unsolved}
     with clock.stage("contact"):
-        contacts = _contacts(assembly, bodies, [n for n in order if n not in failed], motions, config, rngs[1], progress)
-    steps = _steps([name for name in order if name not in failed], motions, contacts)
+        moved = [name for name in order if name not in failed]
+        contacts = _contacts(assembly, bodies, moved, motions, config, rngs[1], progress)
+    steps = _steps(moved, motions, contacts)
     unsolved = [*stuck, *failed.values()]
     draft = _draft(assembly, motions, steps, tuple(unsolved))
     with clock.stage("verify"):
         report = verify_plan(draft, assembly, config=config.verify)
     progress("verify", 1, 1)
-    return _judge(found, assembly, motions, steps, tuple(unsolved), report, frozenset(failed))
+    return _judge(found, assembly, motions, steps, tuple(unsolved), report, frozenset(failed), config)
 
 
 def _contacts(
@@ -169,9 +170,10 @@ def _judge(
     unsolved: tuple[Unsolved, ...],
     report: VerifyReport,
     failed: frozenset[str],
+    config: PipelineConfig,
 ) -> _Attempt:
     """Take out what the check refuted: a step that does not hold is no step."""
-    bad = {entry.part: entry.problems for entry in report.steps if not entry.ok}
+    bad = {entry.part: entry.problems for entry in report.steps if entry.problems}
     directions = {part: separation.signed for part, separation in found.removals}
     refused = frozenset(
         (assembly.index(name), -1 if (signed := directions[assembly.index(name)]) is None else signed)
@@ -182,13 +184,43 @@ def _judge(
         Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=f"refuted by the check: {problems[0]}")
         for name, problems in bad.items()
     )
-    kept = _without(steps, frozenset(bad))
-    verified = report.ok and not unsolved
-    for name, problems in bad.items():
-        logger.info("%s refuted: %s", name, "; ".join(problems))
+    for entry in report.steps:
+        if not entry.ok:
+            logger.info("refuted: %s", entry.line())
     return _Attempt(
-        motions=motions, steps=kept, unsolved=(*unsolved, *refuted), refused=refused, verified=verified and not refuted
+        motions=motions,
+        steps=_without(_with_evidence(steps, found, assembly, report, config), frozenset(bad)),
+        unsolved=(*unsolved, *refuted),
+        refused=refused,
+        verified=not (report.problems or unsolved or refuted),
     )
+
+
+def _with_evidence(
+    steps: tuple[Step, ...],
+    found: DisassemblyResult,
+    assembly: Assembly,
+    report: VerifyReport,
+    config: PipelineConfig,
+) -> tuple[Step, ...]:
+    """Write down what the check measured, and take out contacts that it refuted."""
+    stages = {assembly.names[part]: separation.stage for part, separation in found.removals}
+    out = []
+    for step, entry in zip(steps, report.steps, strict=True):
+        extent = smallest_extent(assembly.part(step.part).vertices_part, assembly.part(step.part).faces)
+        evidence = {
+            "max_penetration": entry.max_penetration,
+            "tolerance": config.verify.relative_tolerance * extent if entry.allowed is None else entry.allowed,
+            "against": entry.against,
+        }
+        if step.part in stages:
+            evidence["removal_found_by"] = stages[step.part]
+        motion = replace(step.motion, evidence={**step.motion.evidence, **evidence})
+        step = replace(step, motion=motion)
+        if entry.contact_problems:
+            step = replace(step, contact=None, contact_reason=f"refuted by the check: {entry.contact_problems[0]}")
+        out.append(step)
+    return tuple(out)
 
 
 def _without(steps: tuple[Step, ...], names: frozenset[str]) -> tuple[Step, ...]:
@@ -238,9 +270,7 @@ def _draft(
     )
 
 
-def _plan(
-    assembly: Assembly, attempt: _Attempt, config: PipelineConfig, seed: int, clock: _Clock
-) -> AssemblyPlan:
+def _plan(assembly: Assembly, attempt: _Attempt, config: PipelineConfig, seed: int, clock: _Clock) -> AssemblyPlan:
     draft = _draft(assembly, attempt.motions, attempt.steps, attempt.unsolved)
     return replace(
         draft,

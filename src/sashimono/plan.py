@@ -67,7 +67,7 @@ class Contact:
     force_part: Float[np.ndarray, "contact 3"] | None = None
     """Contact forces [N], where they were solved for."""
     T_part_gripper: Float[np.ndarray, "4 4"] | None = None
-    """Gripper pose: origin midway between the finger tips, x from the first point to the second, z along the approach."""
+    """Gripper pose: origin midway between the finger tips, x from first to second point, z along the approach."""
     details: Mapping[str, Any] = field(default_factory=dict)
     """Contact model, gripper dimensions [m], how many candidates were tried."""
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from sashimono.contact.gripper import Boxes
 from sashimono.geometry.body import Body
+from sashimono.geometry.collision import FCL_UNITS
 from sashimono.plan import Table
 
 TABLE = "the table"
@@ -72,11 +73,11 @@ class Surroundings:
             if pose == finished:
                 continue
             body = self._obstacles[k].body
-            shape = shapes.get((box, body.scale))
+            shape = shapes.get((box, FCL_UNITS))
             if shape is None:
-                shape = fcl.CollisionObject(fcl.Box(*(2.0 * body.scale * half[box]).tolist()))
-                shapes[box, body.scale] = shape
-            shape.setTransform(fcl.Transform(np.ascontiguousarray(R[pose]), body.scale * centers[pose, box]))
+                shape = fcl.CollisionObject(fcl.Box(*(2.0 * FCL_UNITS * half[box]).tolist()))
+                shapes[box, FCL_UNITS] = shape
+            shape.setTransform(fcl.Transform(np.ascontiguousarray(R[pose]), FCL_UNITS * centers[pose, box]))
             if self._crosses(shape, body) or (box == len(half) - 1 and self._inside(k, centers[pose, box])):
                 finished = pose
                 yield pose, body.name

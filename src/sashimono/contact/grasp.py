@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, Part
+from sashimono.bodies import make_bodies, make_body
 from sashimono.contact.access import Access
 from sashimono.contact.candidates import GraspCandidates, congruence, find_candidates
 from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import Gripper, proportionate_gripper
-from sashimono.bodies import make_bodies, make_body
 from sashimono.geometry.body import Body
 from sashimono.plan import Contact, Motion, Table
 

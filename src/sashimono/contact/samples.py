@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.contact.config import ContactConfig
+from sashimono.geometry.body import Body
 from sashimono.geometry.directions import inertia_directions, part_directions
 from sashimono.geometry.mesh import sample_surface, triangle_cross
 from sashimono.geometry.rays import cast_rays
-from sashimono.geometry.body import Body
 
 _SAME_DIRECTION = np.cos(np.radians(1.0))
 

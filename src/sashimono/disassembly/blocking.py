@@ -175,9 +175,7 @@ class Blocking:
                 self._set(line, a, b, raster.BLOCKED)
         return self._passes[key]
 
-    def travel(
-        self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], other: int
-    ) -> float:
+    def travel(self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], other: int) -> float:
         """Return how far a part, displaced by ``offset``, goes along a unit direction before it is too
         deep in ``other`` [m]; infinite if it passes."""
         a, b = self.bodies[part], self.bodies[other]

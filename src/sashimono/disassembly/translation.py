@@ -59,7 +59,8 @@ def search_translations(
         for direction in signed:
             travel, stopper = _travel(blocking, part, others, offset, direction, least)
             if stopper is None:
-                return TranslationResult(removal=_removal(blocking, part, others, path, direction), expansions=expansions)
+                removal = _removal(blocking, part, others, path, direction)
+                return TranslationResult(removal=removal, expansions=expansions)
             met.add(stopper)
             if travel < least:
                 continue

@@ -38,13 +38,11 @@ class Body:
         *,
         config: SampleConfig,
         rng: np.random.Generator,
-        scale: float,
     ) -> None:
-        """Take in a part's surface; ``scale`` is what the collision objects are multiplied by, see `Collider`."""
+        """Take in a closed part surface [m]."""
         self.name = name
         self.vertices = vertices
         self.faces = faces
-        self.scale = scale
         self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])
         self.center = self.bounds.mean(axis=0)
         """Centre of the bounding box, about which rotation is measured [m]."""
@@ -96,7 +94,7 @@ class Body:
     @cached_property
     def collider(self) -> Collider:
         """The surface as a collision object."""
-        return Collider(self.vertices, self.faces, self.signed_distance, scale=self.scale)
+        return Collider(self.vertices, self.faces, self.signed_distance)
 
     def center_world(self, T_world_part: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3"]:
         """Return where the centre is at this pose [m]."""

@@ -8,13 +8,15 @@ from jaxtyping import Float, Int
 
 from sashimono.geometry.signed_distance import SignedDistance
 
+FCL_UNITS = 1000.0
+"""FCL's lengths in a metre: in metres its distances between triangles of 0.1 mm and less are wrong, some of them 0."""
+
 
 class Collider:
     """One closed mesh as a persistent FCL object; moving it is cheap, building it is not.
 
-    FCL works in scaled units, ``scale`` of them in a metre, and the same for all bodies that are to meet: in
-    metres its distances between triangles of 0.1 mm and less are wrong, some of them 0. Poses and distances
-    are in metres all the same. Not for sharing between threads: FCL keeps the last pose in the object.
+    Poses and distances are in metres; the FCL object itself is in `FCL_UNITS`. Not for sharing between threads:
+    FCL keeps the last pose in the object.
     """
 
     def __init__(
@@ -22,15 +24,12 @@ class Collider:
         vertices: Float[np.ndarray, "vertex 3"],
         faces: Int[np.ndarray, "face 3"],
         signed_distance: SignedDistance,
-        *,
-        scale: float,
     ) -> None:
         model = fcl.BVHModel()
         model.beginModel(len(faces), len(vertices))
-        model.addSubModel(np.ascontiguousarray(vertices * scale), np.ascontiguousarray(faces))
+        model.addSubModel(np.ascontiguousarray(vertices * FCL_UNITS), np.ascontiguousarray(faces))
         model.endModel()
         self.fcl_object = fcl.CollisionObject(model)
-        self.scale = scale
         self._signed_distance = signed_distance
         self._probe = np.array(vertices[faces[0]].mean(axis=0))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -40,7 +39,7 @@ class Collider:
     def move(self, T: Float[np.ndarray, "4 4"]) -> None:
         """Put the body at this pose, mesh frame to world [m]."""
         self._T = T
-        self.fcl_object.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), self.scale * T[:3, 3]))
+        self.fcl_object.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), FCL_UNITS * T[:3, 3]))
 
     def _far(self, other: Collider) -> bool:
         gap = (self._T[:3, :3] @ self._center + self._T[:3, 3]) - (other._T[:3, :3] @ other._center + other._T[:3, 3])
@@ -62,4 +61,4 @@ class Collider:
     def distance(self, other: Collider) -> float:
         """Return the gap between the surfaces [m], 0 if they cross; containment is not looked at."""
         gap = fcl.distance(self.fcl_object, other.fcl_object, fcl.DistanceRequest(), fcl.DistanceResult())
-        return max(0.0, float(gap)) / self.scale
+        return max(0.0, float(gap)) / FCL_UNITS

@@ -56,9 +56,7 @@ def part_directions(
     return lines[: config.per_part], weights[: config.per_part]
 
 
-def inertia_directions(
-    inertia: Float[np.ndarray, "3 3"], *, config: DirectionConfig
-) -> Float[np.ndarray, "line 3"]:
+def inertia_directions(inertia: Float[np.ndarray, "3 3"], *, config: DirectionConfig) -> Float[np.ndarray, "line 3"]:
     """Return the principal axes that are determined: those whose moment differs from the other two."""
     moments, axes = np.linalg.eigh(inertia)
     gaps = np.abs(moments[:, None] - moments[None, :]) + np.diag([np.inf] * 3)

@@ -55,9 +55,7 @@ def area(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3
     return float(np.linalg.norm(triangle_cross(vertices, faces), axis=1).sum() / 2.0)
 
 
-def mass_properties(
-    vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]
-) -> MassProperties:
+def mass_properties(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> MassProperties:
     """Return volume, centre of mass and inertia of a closed mesh of non-zero volume."""
     origin = vertices.mean(axis=0)
     corners = vertices[faces] - origin

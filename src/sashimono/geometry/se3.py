@@ -89,9 +89,7 @@ def log(T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "6"]:
     return np.concatenate([np.linalg.solve(_left_jacobian(w), T[:3, 3]), w])
 
 
-def interpolate(
-    T_a: Float[np.ndarray, "4 4"], T_b: Float[np.ndarray, "4 4"], u: float
-) -> Float[np.ndarray, "4 4"]:
+def interpolate(T_a: Float[np.ndarray, "4 4"], T_b: Float[np.ndarray, "4 4"], u: float) -> Float[np.ndarray, "4 4"]:
     """Return the pose at u in [0, 1] on the geodesic ``T_a exp(u log(T_a⁻¹ T_b))``, a screw motion."""
     if u == 0.0:
         return T_a.copy()

@@ -133,9 +133,7 @@ def _candidate_rotations(a: _Shape, b: _Shape, tolerance: float) -> Iterator[Flo
             yield _frame(b.points[p], b.points[q]) @ frame_a.T
 
 
-def _rarest(
-    values: Float[np.ndarray, "vertex k"], allowed: np.ndarray, tolerance: float
-) -> int:
+def _rarest(values: Float[np.ndarray, "vertex k"], allowed: np.ndarray, tolerance: float) -> int:
     """Return the allowed row with the fewest others near it; the first such."""
     tree = KDTree(values)
     rows = np.flatnonzero(allowed) if allowed.any() else np.arange(len(values))

@@ -143,7 +143,7 @@ def _build(triangles):  # pragma: no cover - compiled
             if centers[order[m], axis] < cut:
                 order[m], order[middle] = order[middle], order[m]
                 middle += 1
-        if middle == start or middle == stop or level > _MIDPOINT_LEVELS:
+        if level > _MIDPOINT_LEVELS or not start < middle < stop:
             middle = (start + stop) // 2
         links[node, 0] = nodes
         todo[top, 0], todo[top, 1], todo[top, 2], todo[top, 3] = nodes, start, middle, level + 1

@@ -110,10 +110,12 @@ def unify_winding(faces: Int[np.ndarray, "face 3"]) -> tuple[Int[np.ndarray, "fa
     n = len(faces)
     pairs, agree = _face_pairs(edges(faces))
     swap = np.where(agree, 0, n)
-    links = np.concatenate([
-        np.column_stack([pairs[:, 0], pairs[:, 1] + swap]),
-        np.column_stack([pairs[:, 0] + n, pairs[:, 1] + n - swap]),
-    ])
+    links = np.concatenate(
+        [
+            np.column_stack([pairs[:, 0], pairs[:, 1] + swap]),
+            np.column_stack([pairs[:, 0] + n, pairs[:, 1] + n - swap]),
+        ]
+    )
     labels = _components(links, 2 * n)
     kept, turned = labels[:n], labels[n:]
     votes = np.bincount(kept, minlength=2 * n)

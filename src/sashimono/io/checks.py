@@ -11,9 +11,7 @@ from sashimono.io.mend import Surface, close_surface, to_manifold
 from sashimono.io.raw import RawPart, ReadConfig
 
 
-def close_parts(
-    raw: list[RawPart], *, source: str, repair: bool, config: ReadConfig
-) -> tuple[list[Part], list[str]]:
+def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadConfig) -> tuple[list[Part], list[str]]:
     """Return the parts with closed, outward surfaces, and notes on what was mended.
 
     Raises one InputError that names every part that cannot be closed.

@@ -75,9 +75,7 @@ def _nothing_found(folder: Path) -> str:
     return f"{folder}: no .obj, .stl or .ply file in the folder (found {shown}); {way_out}"
 
 
-def _poses(
-    folder: Path, names: list[str]
-) -> tuple[dict[str, Float[np.ndarray, "4 4"]], Path | None, tuple[str, ...]]:
+def _poses(folder: Path, names: list[str]) -> tuple[dict[str, Float[np.ndarray, "4 4"]], Path | None, tuple[str, ...]]:
     """Return the poses that a folder's JSON gives its parts, in the file's unit, where from, and what to note.
 
     A JSON file that speaks of none of the parts belongs to something else and is left alone.

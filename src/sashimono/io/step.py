@@ -53,9 +53,7 @@ def read_step(path: Path, data: bytes, config: ReadConfig) -> RawAssembly:
     )  # fmt: skip
 
 
-def _retry_open(
-    leaves: list[Leaf], data: bytes, path: Path, config: ReadConfig
-) -> tuple[list[Leaf], dict[int, float]]:
+def _retry_open(leaves: list[Leaf], data: bytes, path: Path, config: ReadConfig) -> tuple[list[Leaf], dict[int, float]]:
     """Return the leaves with open ones tessellated anew, and by which factor, by index.
 
     The converter leaves out a face that it fails to mesh; at another resolution it often succeeds.

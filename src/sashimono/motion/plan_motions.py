@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly
-from sashimono.disassembly.removal import Removal
-from sashimono.motion import table as tables
 from sashimono.bodies import make_bodies
+from sashimono.disassembly.removal import Removal
 from sashimono.geometry.body import Body
+from sashimono.motion import table as tables
 from sashimono.motion.config import MotionConfig
 from sashimono.motion.insertion import Insertion, plan_insertion, sweep_low
 from sashimono.motion.one_motion import Setting, plan_motion

@@ -82,15 +82,16 @@ def _check_step(
     """Check one step whose form is sound."""
     step = plan.steps[index]
     body, poses = bodies[step.part], step.motion.T_world_part
-    problems, notes = [], []
+    problems, contact_wrong, notes = [], [], []
     if plan.table is not None and index > 0:
         problems += resting_problems(body, poses[0], plan.table, config)
     findings = _pair_findings(index, plan, forms, bodies, overlaps, config)
     problems += [finding.problem for finding in findings if finding.problem]
     notes += [note for finding in findings for note in finding.notes]
     if step.contact is not None:
-        wrong, remarks = contact_problems(step, body, {n: (bodies[n], overlaps.poses[n]) for n in step.fixed}, config)
-        problems, notes = problems + wrong, notes + remarks
+        placed = {name: (bodies[name], overlaps.poses[name]) for name in step.fixed}
+        contact_wrong, remarks = contact_problems(step, body, placed, config)
+        notes += remarks
     elif index > 0:
         notes.append(f"no contact: {step.contact_reason or 'no reason given'}")
     met = [finding for finding in findings if finding.depth > 0.0]
@@ -99,6 +100,7 @@ def _check_step(
         index=index,
         part=step.part,
         problems=tuple(problems),
+        contact_problems=tuple(contact_wrong),
         notes=tuple(notes),
         max_penetration=worst.depth if worst else 0.0,
         allowed=worst.allowed if worst else None,

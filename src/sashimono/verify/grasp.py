@@ -153,7 +153,7 @@ def force_closure(contact: Contact, body: Body, config: VerifyConfig) -> bool:
     return bool(found.status == 0 and -found.fun > 1e-9)
 
 
-def _gripper_problems(contact: Contact, gripper: Mapping[str, float], config: VerifyConfig) -> list[str]:
+def _gripper_problems(contact: Contact, gripper: Mapping[str, Any], config: VerifyConfig) -> list[str]:
     """Does the gripper reach the contacts: opening wide enough, origin and x axis between the two points?"""
     T = contact.T_part_gripper
     if T is None or not se3.is_pose(T, config.pose_tolerance):
@@ -170,7 +170,7 @@ def _gripper_problems(contact: Contact, gripper: Mapping[str, float], config: Ve
 
 def _finger_problems(
     contact: Contact,
-    gripper: Mapping[str, float],
+    gripper: Mapping[str, Any],
     motion: Motion,
     fixed: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]],
     config: VerifyConfig,
@@ -201,7 +201,7 @@ def _finger_problems(
     return []
 
 
-def _gripper_boxes(gripper: Mapping[str, float], span: float, config: VerifyConfig) -> list[Body]:
+def _gripper_boxes(gripper: Mapping[str, Any], span: float, config: VerifyConfig) -> list[Body]:
     half, y, length = 0.5 * span, 0.5 * gripper["finger_width"], gripper["finger_length"]
     outer, tip = half + gripper["finger_thickness"], float(gripper.get("tip_reach", 0.0))
     boxes = [

@@ -13,7 +13,9 @@ class StepReport:
     """Position in the plan, from 0."""
     part: str
     problems: tuple[str, ...] = ()
-    """Plain-language reasons to refuse the step; none if it holds."""
+    """Plain-language reasons to refuse the step's motion; none if it holds."""
+    contact_problems: tuple[str, ...] = ()
+    """Reasons to refuse its contact."""
     notes: tuple[str, ...] = ()
     """What could not be checked or is worth knowing, though no reason to refuse."""
     max_penetration: float = 0.0
@@ -30,13 +32,13 @@ class StepReport:
     @property
     def ok(self) -> bool:
         """Whether nothing was found wrong."""
-        return not self.problems
+        return not self.problems and not self.contact_problems
 
     def line(self) -> str:
         """Return one readable line."""
         head = f"{'ok ' if self.ok else 'BAD'} {self.index + 1:3d} {self.part}"
-        if self.problems:
-            return f"{head}: {'; '.join(self.problems)}"
+        if not self.ok:
+            return f"{head}: {'; '.join(self.problems + self.contact_problems)}"
         if self.against is None:
             return f"{head}: touches nothing on its way"
         depth, allowed = self.max_penetration * 1e3, (self.allowed or 0.0) * 1e3
