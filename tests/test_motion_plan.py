@@ -188,6 +188,15 @@ def test_parts_in_place_stand_from_the_beginning():
     assert len(result.motions["block"].T_world_part) == 1
 
 
+def test_nothing_to_move_is_no_error():
+    assembly, _ = case()
+    result = plan_motions(
+        assembly, ("base",), {}, config=MotionConfig(), rng=np.random.default_rng(0), in_place=("block",)
+    )
+    assert result.complete
+    assert set(result.motions) == {"base", "block"}
+
+
 def test_progress_is_told_once_a_part():
     assembly, removals = case()
     seen = []

@@ -60,7 +60,8 @@ def rest_parts(
         boxes[name] = np.array(bodies[name].support(se3.make(rotations[name]), R_table.T))
     tops = [box[1, 2] - box[0, 2] + config.lift * bodies[name].size for name, box in boxes.items()]
     swept = _swept_boxes(bodies, assembled, insertions, R_table)
-    low_ones = swept[swept[:, 0, 2] < table.offset + max(tops, default=0.0)]
+    reached = swept[:, 0, 2] < table.offset + max(tops, default=0.0)
+    low_ones = swept[reached] if reached.any() else swept
     low, high = low_ones[:, 0, :2].min(axis=0), low_ones[:, 1, :2].max(axis=0)
     border = config.tray.work_margin * float((high - low).max())
     borders = np.array([config.tray.gap * bodies[name].size for name in names])

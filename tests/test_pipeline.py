@@ -1,0 +1,89 @@
+"""The three levels composed: complete plans hold, partial ones say why, the seed decides."""
+
+import numpy as np
+import pytest
+from solids import assembly, box, box_with_lid, linked_rings, part, peg_in_plate, rod
+
+from sashimono.assembly import Assembly
+from sashimono.errors import SashimonoError
+from sashimono.geometry import se3
+from sashimono.io.plan_json import plan_to_json
+from sashimono.pipeline import PipelineConfig, plan_assembly
+from sashimono.plan import Answer, AssemblyPlan
+from sashimono.verify import verify_plan
+
+
+def without_timings(plan: AssemblyPlan) -> str:
+    text = plan_to_json(plan)
+    return text[: text.index('"timings"')]
+
+
+@pytest.mark.parametrize("parts", [peg_in_plate(), peg_in_plate(1e-4), box_with_lid()], ids=["fit", "loose", "lid"])
+def test_a_complete_plan_places_every_part_and_holds(parts: Assembly) -> None:
+    plan = plan_assembly(parts)
+    assert plan.status == "complete"
+    assert sorted(plan.order) == sorted(parts.names)
+    assert plan.unsolved == ()
+    for k, step in enumerate(plan.steps):
+        assert step.fixed == plan.order[:k]
+        np.testing.assert_allclose(step.motion.T_world_part[-1], parts.part(step.part).T_world_part, atol=1e-12)
+        assert step.motion.evidence["max_penetration"] <= step.motion.evidence["tolerance"]
+    assert verify_plan(plan, parts).ok
+
+
+def test_the_seed_decides_and_nothing_else() -> None:
+    first, again = (without_timings(plan_assembly(box_with_lid(), seed=3)) for _ in range(2))
+    assert first == again
+    assert first != without_timings(plan_assembly(box_with_lid(), seed=4))
+
+
+def test_what_cannot_come_apart_is_partial_with_a_reason() -> None:
+    rings = linked_rings()
+    loose = part("cube", box((0.01, 0.01, 0.01), (0.0, 0.0, 0.055)))
+    plan = plan_assembly(Assembly(parts=(*rings.parts, loose)))
+    assert plan.status == "partial"
+    assert set(plan.order) | {entry.part for entry in plan.unsolved} == {"first", "second", "cube"}
+    (entry,) = plan.unsolved
+    assert entry.answer in (Answer.PROVEN_BLOCKED, Answer.UNKNOWN)
+    assert entry.blocked_by
+    assert entry.reason
+
+
+def test_a_cage_holds_even_what_could_leave_alone() -> None:
+    """A rod through a cage with closed ends is stuck, and the plan does not claim otherwise."""
+    cage = box((0.05, 0.05, 0.05)) - box((0.04, 0.04, 0.04))
+    plan = plan_assembly(assembly(cage=cage, rod=rod(0.005, 0.03)))
+    assert plan.status == "partial"
+    assert [entry.part for entry in plan.unsolved] == ["rod"]
+
+
+def test_a_step_without_a_grasp_says_so() -> None:
+    plan = plan_assembly(peg_in_plate(), config=PipelineConfig(contacts=False))
+    assert all(step.contact is None and step.contact_reason for step in plan.steps)
+    assert plan.status == "complete"
+
+
+def test_an_unknown_gripper_is_refused_before_any_work() -> None:
+    with pytest.raises(SashimonoError, match="not known. Choose one of"):
+        plan_assembly(peg_in_plate(), config=PipelineConfig(gripper="tweezers"))
+
+
+def test_parts_given_in_their_own_frames_plan_alike() -> None:
+    """The same product with parts modelled elsewhere and placed by poses: same order, same world motion."""
+    parts = box_with_lid()
+    plan = plan_assembly(parts)
+    T = se3.exp(np.array([0.3, -0.2, 0.1, 0.4, 1.0, -0.7]))
+    framed = Assembly(
+        parts=tuple(
+            type(p)(
+                name=p.name,
+                vertices_part=se3.apply(se3.inverse(T), p.vertices_part),
+                faces=p.faces,
+                T_world_part=T,
+            )
+            for p in parts.parts
+        )
+    )
+    other = plan_assembly(framed)
+    assert other.status == plan.status
+    assert other.order == plan.order
