@@ -49,12 +49,12 @@ def figures() -> str:
         [
             f"Measured on {where['cores']} cores of {where['processor']}, Python {where['python']}, {where['date']}, "
             "whole processes, one at a time, median of processor time; failures stay in the denominator.",
-            "Real CAD from public repositories (`python benchmarks/real_cad.py --second-opinion`; refuted: complete plans "
-            "against which a third check, by exact booleans along the motion, found anything):",
+            "Real CAD from public repositories (`python benchmarks/real_cad.py --second-opinion`; refuted: complete "
+            "plans against which a third check, by exact booleans along the motion, found anything):",
             table(("kind", "ended", "complete and verified", "refuted", "median", "worst", "peak memory"), rows),
             f"Removal conditions against exact answers, {len(truth['assemblies'])} assemblies, {queries:,} queries "
-            f"(`python benchmarks/truth.py`): {free} false “free”; {blocked} false “blocked”, {missed} of them where one "
-            "translation would do.",
+            f"(`python benchmarks/truth.py`): {free} false “free”; {blocked} false “blocked”, {missed} of them where "
+            "one translation would do.",
             "Whole commands (`python benchmarks/speed.py --cold`):",
             table(
                 ("command", "processor time", "wall time", "peak memory"),

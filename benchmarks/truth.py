@@ -53,7 +53,7 @@ def measure(folder: Path) -> dict:
             free += told and not right
             if right and not told:
                 blocked.setdefault(part, []).append(remaining)
-    missed = {part: sum(1 for _ in sets if cascade_misses(cascade, part, sets)) for part, sets in blocked.items()}
+    missed = {part: len(sets) for part, sets in blocked.items() if cascade_misses(cascade, part, sets)}
     return {
         "name": folder.name,
         "parts": len(assembly),
@@ -83,7 +83,7 @@ def remaining_sets(truth: Truth, conditions: RemovalConditions, count: int) -> l
         sets = set(range(1, full + 1))
     else:
         rng = np.random.default_rng(0)
-        sets = {sum(1 << k for k in np.flatnonzero(rng.random(count) < 0.5)) for _ in range(4000)}
+        sets = {sum(1 << int(k) for k in np.flatnonzero(rng.random(count) < 0.5)) for _ in range(4000)}
         for _ in range(1000):
             remaining = full
             while remaining:

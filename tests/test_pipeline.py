@@ -64,7 +64,7 @@ def test_a_step_without_a_grasp_says_so() -> None:
 
 
 def test_an_unknown_gripper_is_refused_before_any_work() -> None:
-    with pytest.raises(SashimonoError, match="not known. Choose one of"):
+    with pytest.raises(SashimonoError, match=r"not known\. Choose one of"):
         plan_assembly(peg_in_plate(), config=PipelineConfig(gripper="tweezers"))
 
 

@@ -55,3 +55,20 @@ def test_march_does_not_jump_a_thin_sheet() -> None:
     tree, _, _ = surface(box((1e-3, 1.0, 1.0)))
     start, along = np.array([[-0.7, 0.013, -0.2]]), np.array([1.0, 0.0, 0.0])
     assert tree.march(start, along, length=2.0, limit=1e-4, least_step=1e-4)[0] == pytest.approx(0.6996, abs=2e-4)
+
+
+def test_slivers_divide_nothing_by_zero() -> None:
+    """Faces with an edge too short for its square to count: the distance stays that of the box."""
+    p = part("p", box((2.0, 2.0, 2.0)))
+    corner = p.vertices_part[p.faces[0, 0]]
+    twin = corner + np.array([1e-170, 0.0, 0.0])
+    vertices = np.vstack([p.vertices_part, twin])
+    sliver = [
+        [p.faces[0, 0], len(p.vertices_part), p.faces[0, 1]],
+        [p.faces[0, 1], len(p.vertices_part), p.faces[0, 0]],
+    ]
+    tree = SignedDistance(vertices, np.vstack([p.faces, sliver]).astype(np.int32))
+    points = np.random.default_rng(2).uniform(-3.0, 3.0, (500, 3))
+    q = np.abs(points) - 1.0
+    exact = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
+    np.testing.assert_allclose(np.abs(tree.query(points)), np.abs(exact), atol=1e-12)

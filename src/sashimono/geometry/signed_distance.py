@@ -161,7 +161,7 @@ def _box_distance2(x, y, z, box):  # pragma: no cover - compiled
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")  # a sliver's 0 / 0 is a nan, which no distance is below
 def _closest(x, y, z, t):  # pragma: no cover - compiled
     """Closest point on a triangle (Ericson, Real-Time Collision Detection, 5.1.5) and its feature."""
     abx, aby, abz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
@@ -275,7 +275,7 @@ def _depth(points, T, boxes, links, triangles, normals):  # pragma: no cover - c
     return deepest
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _march(points, direction, length, limit, least_step, boxes, links, triangles, normals):
     # pragma: no cover - compiled
     travel = np.inf
