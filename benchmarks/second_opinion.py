@@ -5,8 +5,8 @@
 Reads the JSON and the meshes by itself, moves each part along its path in small steps and measures
 the intersection with every placed and every resting part by manifold3d. Uses neither the planners nor
 `sashimono.verify`, but for the file reader. A pair is refuted where the intersection is deeper than in
-the assembled pose: where its volume exceeds the assembled one by more than a film over the contact
-could explain, and its thickness (2 V / A) exceeds the assembled one plus the tolerance.
+the assembled pose: where its thickness (2 V / A) exceeds the assembled one plus the tolerance, or the
+tolerance alone once the two have come apart.
 """
 
 from __future__ import annotations
@@ -49,19 +49,21 @@ def refutations(plan_path: Path, source: Path) -> list[str]:
             other: thickness(placed(moving, poses[name]) ^ body) if other in step["fixed"] else 0.0
             for other, body in others.items()
         }
-        worst: dict[str, float] = {}
-        for T in resampled(np.array(step["path"]["T_world_part"])):
+        found = set()
+        # backwards from the assembled pose: once a pair has parted, its overlap excuses nothing any more
+        for T in reversed(resampled(np.array(step["path"]["T_world_part"]))):
             here = placed(moving, T)
             for other, body in others.items():
-                if boxes_meet(here, body):
-                    worst[other] = max(worst.get(other, 0.0), thickness(here ^ body))
-        for other, depth in worst.items():
-            tolerance = TOLERANCE * min(sizes[name], sizes[other])
-            if depth > allowed[other] + tolerance:
-                out.append(
-                    f"{name} overlaps {other} {depth * 1e3:.4g} mm thick on its way, "
-                    f"{allowed[other] * 1e3:.4g} mm assembled (tolerance {tolerance * 1e3:.4g} mm)"
-                )
+                depth = thickness(here ^ body) if boxes_meet(here, body) else 0.0
+                tolerance = TOLERANCE * min(sizes[name], sizes[other])
+                if depth > allowed[other] + tolerance and other not in found:
+                    found.add(other)
+                    out.append(
+                        f"{name} overlaps {other} {depth * 1e3:.4g} mm thick on its way, "
+                        f"{allowed[other] * 1e3:.4g} mm allowed (tolerance {tolerance * 1e3:.4g} mm)"
+                    )
+                if depth == 0.0:
+                    allowed[other] = 0.0
     return out
 
 

@@ -62,3 +62,10 @@ def l_tunnel() -> Assembly:
     block -= box((0.01, 0.01, 0.05), (0.0, 0.0, -0.01))
     block -= box((0.05, 0.01, 0.01), (0.02, 0.0, 0.01))
     return assembly(block=block, cube=box((0.01, 0.01, 0.01), (0.0, 0.0, -0.02)) ^ box((1.0, 1.0, 1.0)))
+
+
+def sealed_box(sunk: float) -> Assembly:
+    """A screw in a closed box, sunk this deep into a post that has no hole: it cannot leave."""
+    shell = box((0.05, 0.05, 0.05)) - box((0.04, 0.04, 0.04))
+    shell += box((0.01, 0.01, 0.01), (0.0, 0.0, -0.0151))
+    return assembly(shell=shell, screw=rod(0.002, 0.012, (0.0, 0.0, -0.0041 - sunk)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from solids import assembly, box, box_with_lid, linked_rings, part, peg_in_plate, rod
+from solids import assembly, box, box_with_lid, linked_rings, part, peg_in_plate, rod, sealed_box
 
 from sashimono.assembly import Assembly
 from sashimono.errors import SashimonoError
@@ -87,3 +87,20 @@ def test_parts_given_in_their_own_frames_plan_alike() -> None:
     other = plan_assembly(framed)
     assert other.status == plan.status
     assert other.order == plan.order
+
+
+@pytest.mark.parametrize("sunk", [0.0, 0.003])
+def test_an_overlap_in_the_cad_is_no_pass_through_a_wall(sunk: float) -> None:
+    """A screw modelled into solid material may come out of it, and no farther than the walls around it."""
+    plan = plan_assembly(sealed_box(sunk))
+    assert plan.status == "partial"
+    assert [entry.part for entry in plan.unsolved] == ["screw"]
+
+
+def test_an_overlap_is_part_of_the_evidence() -> None:
+    """A screw 5 mm deep in a base without a hole: planned, and said to be that deep."""
+    plan = plan_assembly(assembly(base=box((0.04, 0.04, 0.02)), screw=rod(0.003, 0.02, (0.0, 0.0, 0.015))))
+    assert plan.status == "complete"
+    evidence = plan.steps[1].motion.evidence
+    assert evidence["against"] == plan.order[0]
+    assert 0.002 < evidence["max_penetration"] <= evidence["tolerance"]

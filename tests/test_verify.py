@@ -429,3 +429,19 @@ def test_nut_leaves_a_thread_without_clearance_along_its_pitch_only(
     steps = (step("bolt", (), [np.eye(4)]), step("nut", ("bolt",), poses))
     report = verify_plan(plan(assembly, *steps, table=None), assembly)
     assert report.ok is holds, report.lines()
+
+
+def test_an_overlap_when_assembled_is_no_pass_through_another_wall() -> None:
+    """A peg sunk 3 mm into solid ground may come out of it, but not through a 3 mm wall farther on."""
+    ground, wall = box((80.0, 40.0, 5.0), (0.0, 0.0, 2.5)), box((3.0, 40.0, 40.0), (30.0, 0.0, 24.0))
+    base = trimesh.boolean.union([ground, wall], engine="manifold")
+    peg = box((6.0, 6.0, 20.0), (0.0, 0.0, 12.0))
+    assembly = Assembly(parts=(part("base", base), part("peg", peg)), source=SOURCE)
+
+    def report(*poses: np.ndarray) -> VerifyReport:
+        steps = step("base", (), [np.eye(4)]), step("peg", ("base",), [*poses, np.eye(4)])
+        return verify_plan(plan(assembly, *steps, table=None), assembly)
+
+    assert report(at(0, 0, 50)).ok
+    refuted(report(at(80, 0, 20), at(0, 0, 20)), "peg", "once parted")
+    refuted(report(at(80, 0, 0)), "peg")

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 
 from sashimono.assembly import Assembly
 from sashimono.disassembly import raster
+from sashimono.disassembly.parting import parting_travel
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.geometry.directions import (
@@ -195,7 +196,31 @@ class Blocking:
             arguments["length"] = first
         back = se3.inverse(T_b_a)
         second, _ = a.signed_distance.march(se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **arguments)
-        return min(first, second)
+        travel = min(first, second)
+        bare = self.config.tolerance * size
+        if self.allowances[part, other] <= bare:
+            return travel
+        return min(travel, self._travel_once_parted(a, b, T_b_a, along_b, length=length, bare=bare, step=step))
+
+    def _travel_once_parted(
+        self,
+        a: Body,
+        b: Body,
+        T_b_a: Float[np.ndarray, "4 4"],
+        along_b: Float[np.ndarray, "3"],
+        *,
+        length: float,
+        bare: float,
+        step: float,
+    ) -> float:
+        """How far a goes before it is deeper in b than the bare tolerance once the two have parted."""
+        parted = parting_travel(a, b, T_b_a, along_b, length=length, tolerance=bare, least_step=step)
+        T_b_a = se3.make(None, parted * along_b) @ T_b_a
+        back = se3.inverse(T_b_a)
+        rest = {"length": length - parted, "limit": bare, "least_step": step}
+        first, _ = b.signed_distance.march(se3.apply(T_b_a, a.probes), along_b, **rest)
+        second, _ = a.signed_distance.march(se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **rest)
+        return parted + min(first, second)
 
     def world_bounds_along(self, part: int, direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
         """Return the lowest and highest coordinate of a part along a unit direction, assembled [m]."""

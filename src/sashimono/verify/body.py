@@ -86,6 +86,10 @@ class Body:
         solid = manifold3d.Manifold(mesh)
         return solid if solid.status() == manifold3d.Error.NoError else None
 
+    def reach(self, point: Float[np.ndarray, "3"]) -> float:
+        """Return an upper bound of the distance of any point of the body from a point in its frame [m]."""
+        return float(np.linalg.norm(np.maximum(np.abs(self.low - point), np.abs(self.high - point))))
+
     def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the body's box [m], 0 inside: never more than to the body."""
         outside = np.maximum(np.maximum(self.low - points, points - self.high), 0.0)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from sashimono.geometry import se3
 from sashimono.verify.body import Body
 from sashimono.verify.config import VerifyConfig
-from sashimono.verify.overlap import intersection
+from sashimono.verify.overlap import intersection, sampled_depth
 from sashimono.verify.sweep import HalfSpace, Screws, Sweep, sweep
 
 
@@ -57,7 +57,7 @@ def check_pair(
     """
     seen = path.seen_from(T_world_fixed)
     found = _both_ways(moving, fixed, seen, path.reversed_for(T_world_fixed), tolerance, tolerance, config)
-    allowed, queries = 0.0, found.queries
+    allowed, queries, first_depth = 0.0, found.queries, found.depth
     if not found.holds and not found.exhausted and (allowed := allowance()) > 0.0:
         limit = allowed + tolerance
         found = _both_ways(moving, fixed, seen, path.reversed_for(T_world_fixed), limit, tolerance, config)
@@ -68,14 +68,49 @@ def check_pair(
         if depth > allowed + tolerance and allowed == 0.0:
             allowed = allowance()
     problem = _problem(fixed.name, depth, at, allowed, tolerance, found.exhausted)
+    if problem is None and allowed > tolerance:
+        again = _after_parting(moving, fixed, path, T_world_fixed, tolerance, config)
+        queries += again.queries
+        if not again.holds:
+            problem = _problem(fixed.name, again.depth, again.at, 0.0, tolerance, again.exhausted)
+            problem = f"{problem}: once parted from it, the overlap in the assembled pose excuses nothing"
     return PairFinding(
         against=fixed.name,
-        depth=max(0.0, depth),
+        depth=max(0.0, depth, first_depth),
         allowed=allowed + tolerance,
         pose=at,
         problem=problem,
         queries=queries,
         notes=notes,
+    )
+
+
+def _after_parting(
+    moving: Body,
+    fixed: Body,
+    path: Screws,
+    T_world_fixed: Float[np.ndarray, "4 4"],
+    tolerance: float,
+    config: VerifyConfig,
+) -> Sweep:
+    """Check the path up to where the pair, walking back from the assembled pose, has first come apart.
+
+    An overlap in the assembled pose is an excuse while the pair is still in it, not for a second meeting.
+    """
+    seen = path.seen_from(T_world_fixed)
+    least = 0.25 * min(moving.wall, fixed.wall)
+    time = float(len(path.angle))
+    while time > 0.0:
+        depth = sampled_depth(moving, fixed, seen.pose_at(time))
+        if depth <= tolerance:
+            break
+        stretch = int(np.ceil(time)) - 1
+        speed = float(np.linalg.norm(path.shift[stretch])) + path.angle[stretch] * moving.reach(path.point[stretch])
+        step = max(depth - tolerance, least)
+        time = max(0.0, float(stretch), time - step / speed) if speed > 0.0 else float(stretch)
+    early = path.until(time)
+    return _both_ways(
+        moving, fixed, early.seen_from(T_world_fixed), early.reversed_for(T_world_fixed), tolerance, tolerance, config
     )
 
 

@@ -93,6 +93,19 @@ class Screws:
             before=before, after=after, axis=self.axis, point=self.point, angle=-self.angle, shift=-self.shift
         )
 
+    def until(self, time: float) -> Screws:
+        """Return the path from its start to this time, in stretches."""
+        whole = min(int(time), len(self.angle) - 1)
+        rows = {name: np.array(values[: whole + 1]) for name, values in vars(self).items()}
+        rows["angle"][whole] *= time - whole
+        rows["shift"][whole] *= time - whole
+        return Screws(**rows)
+
+    def pose_at(self, time: float) -> Float[np.ndarray, "4 4"]:
+        """Return the pose at this time, in stretches."""
+        stretch = min(int(time), len(self.angle) - 1)
+        return self.pose(stretch, time - stretch)
+
     def pose(self, stretch: int, u: float) -> Float[np.ndarray, "4 4"]:
         """Return the pose at u in [0, 1] of a stretch."""
         corners = np.vstack([np.zeros(3), np.eye(3)])
