@@ -444,4 +444,3 @@ def test_an_overlap_when_assembled_is_no_pass_through_another_wall() -> None:
 
     assert report(at(0, 0, 50)).ok
     refuted(report(at(80, 0, 20), at(0, 0, 20)), "peg", "once parted")
-    refuted(report(at(80, 0, 0)), "peg")
