@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -105,10 +104,6 @@ class Assembly:
     def part(self, name: str) -> Part:
         """Return the part with this name; KeyError if there is none."""
         return self.parts[self._index[name]]
-
-    def select(self, names: Sequence[str]) -> tuple[Part, ...]:
-        """Return the parts with these names, in that order."""
-        return tuple(self.part(name) for name in names)
 
     @cached_property
     def bounds_world(self) -> Float[np.ndarray, "2 3"]:

@@ -49,7 +49,16 @@ Seed = Annotated[int, typer.Option(min=0, help="seed of every random choice")]
 
 def main() -> None:
     """Run the command line and exit with its status."""
-    sys.exit(run(sys.argv[1:]))
+    try:
+        status = run(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has seen enough: not our failure, and nothing to say it to
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = OK
+    except OSError as error:
+        status = _complain(f"standard output cannot be written: {error.strerror}. Choose another place.")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(status)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -126,16 +135,12 @@ def verify(
     ] = None,
 ) -> int:
     """Check a plan against its input, with none of the code that made it; print a line a step."""
-    from sashimono.io.plan_json import read_plan
     from sashimono.verify import verify_file
 
-    status = read_plan(path).status
     report = verify_file(path, source)
     for line in report.lines():
         typer.echo(line)
-    if report.ok and status != "complete":
-        typer.echo("the plan is partial: not every part has a step")
-    return OK if report.ok and status == "complete" else NO_PLAN
+    return OK if report.ok and report.complete else NO_PLAN
 
 
 @app.command()
@@ -207,7 +212,9 @@ def _write(found: AssemblyPlan, assembly: Assembly, out: Path, *, copied: Path |
     with _replacing_together(out) as folder:
         if copied is not None:
             (folder / copied.name).write_bytes(copied.read_bytes())
-            found = replace(found, source=replace(found.source, path=copied.name))
+        # from the plan's folder, so that the plan finds its input wherever it is read
+        path = copied.name if copied is not None else os.path.relpath(found.source.path, out)
+        found = replace(found, source=replace(found.source, path=Path(path).as_posix()))
         write_html(found, assembly, folder / "plan.html")
         write_glb(found, assembly, folder / "plan.glb")
         write_plan(found, folder / "plan.json")
@@ -222,7 +229,11 @@ def _replacing_together(out: Path) -> Iterator[Path]:
         try:
             with tempfile.TemporaryDirectory(dir=out, prefix=".sashimono-") as temporary:
                 yield Path(temporary)
-                for file in sorted(Path(temporary).iterdir()):
+                finished = sorted(Path(temporary).iterdir())
+                for file in finished:
+                    if (out / file.name).is_dir():
+                        raise SashimonoError(f"cannot write {out / file.name}: it is a folder. Choose another --out.")
+                for file in finished:
                     os.replace(file, out / file.name)
         except BaseException:
             if made:
@@ -234,7 +245,8 @@ def _replacing_together(out: Path) -> Iterator[Path]:
 
 
 def _fail_to_write(error: OSError) -> NoReturn:
-    raise SashimonoError(f"cannot write {error.filename}: {error.strerror}. Choose another folder.") from error
+    where = error.filename or "the result"
+    raise SashimonoError(f"cannot write {where}: {error.strerror}. Choose another folder.") from error
 
 
 def _refuse_unwritable(out: Path, option: str = "--out") -> None:

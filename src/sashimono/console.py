@@ -13,6 +13,9 @@ from jaxtyping import Float
 from sashimono.assembly import Assembly
 from sashimono.plan import AssemblyPlan, Step, Unsolved
 
+MAX_OVERLAPS = 5
+"""Pairs named in the summary."""
+
 REASON_WIDTH = 80
 """Longer reasons for a missing contact are cut in the summary; plan.json has them whole."""
 
@@ -54,7 +57,19 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
         f"{verdict}: {len(plan.steps)} of {len(assembly)} parts placed",
         *(f"{k:4d} {step.part:<{width}}  {_step_words(step)}" for k, step in enumerate(plan.steps, 1)),
         *(f"   - {entry.part:<{width}}  {_unsolved_words(entry)}" for entry in plan.unsolved),
+        *_overlap_lines(plan),
     ]
+
+
+def _overlap_lines(plan: AssemblyPlan) -> list[str]:
+    """Pairs that share volume in the CAD: the worst, and how many more plan.json lists."""
+    shown = [
+        f"overlap in the CAD: {pair.first} and {pair.second}, {1e9 * pair.volume:.3g} mm³, "
+        f"{100.0 * pair.fraction:.2g} % of the smaller"
+        for pair in plan.overlaps[:MAX_OVERLAPS]
+    ]
+    more = len(plan.overlaps) - len(shown)
+    return [*shown, f"and {more} more pairs, see overlaps in plan.json"] if more > 0 else shown
 
 
 def _step_words(step: Step) -> str:

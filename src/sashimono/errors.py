@@ -15,7 +15,3 @@ class InputError(SashimonoError):
 
 class PlanFormatError(SashimonoError):
     """A plan file that does not follow the plan.json contract."""
-
-
-class MissingExtraError(SashimonoError):
-    """An optional package is needed; the message names the extra to install."""

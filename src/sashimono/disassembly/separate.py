@@ -22,9 +22,6 @@ from sashimono.disassembly.translation import TranslationConfig, search_translat
 from sashimono.geometry.body import Body
 from sashimono.plan import Answer
 
-STAGES = ("blocking", "contacts", "translation")
-"""Names of the stages, in the order in which they are asked."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class SeparateConfig:

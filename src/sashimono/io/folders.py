@@ -30,6 +30,11 @@ def read_folder(folder: Path, unit: str | None) -> RawAssembly:
     paths = sorted((p for p in folder.iterdir() if _is_mesh(p)), key=lambda p: natural_key(p.name))
     if not paths:
         raise InputError(_nothing_found(folder))
+    for path in paths:
+        try:
+            path.name.encode()
+        except UnicodeEncodeError:
+            raise InputError(f"{folder}: the file name {path.name!a} is not UTF-8; rename it.") from None
     names = [p.stem for p in paths]
     for name in names:
         same = [p.name for p in paths if p.stem == name]

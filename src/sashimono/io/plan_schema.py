@@ -11,6 +11,9 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
+_LARGEST = 10**300
+"""Whole numbers much greater fit no float."""
+
 _TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),
     "array": (list,),
@@ -58,6 +61,8 @@ def _check(value: Any, schema: dict[str, Any], where: str) -> str | None:
         return f"{where}: is {_short(value)}, must be of type {schema['type']}"
     if isinstance(value, float) and not math.isfinite(value):
         return f"{where}: is not a finite number"
+    if isinstance(value, int) and abs(value) > _LARGEST:
+        return f"{where}: is a number beyond all measure"
     if isinstance(value, int) and value < schema.get("minimum", value):
         return f"{where}: is {value}, must be at least {schema['minimum']}"
     if isinstance(value, dict):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from sashimono.assembly import Assembly
@@ -11,7 +12,7 @@ from sashimono.io.read import read_assembly
 from sashimono.plan import AssemblyPlan, Step
 from sashimono.verify.body import Body
 from sashimono.verify.config import VerifyConfig
-from sashimono.verify.grasp import contact_problems
+from sashimono.verify.grasp import Surroundings, contact_problems
 from sashimono.verify.overlap import AssembledOverlaps
 from sashimono.verify.pairs import PairFinding, check_pair, check_table, pair_tolerance
 from sashimono.verify.report import StepReport, VerifyReport
@@ -36,7 +37,12 @@ def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
     problems += [f"{name!r} is not a closed, outward surface: it cannot be checked" for name in flat]
     if problems:
         steps = tuple(_form_only(k, step, plan, assembly, config) for k, step in enumerate(plan.steps))
-        return VerifyReport(problems=tuple(problems), steps=steps, notes=(*notes, "motions were not checked"))
+        return VerifyReport(
+            problems=tuple(problems),
+            steps=steps,
+            notes=(*notes, "motions were not checked"),
+            complete=plan.status == "complete",
+        )
     poses = {part.name: part.T_world_part for part in assembly.parts}
     overlaps = AssembledOverlaps(bodies, poses)
     forms = [step_problems(step, plan.order[:k], assembly, config) for k, step in enumerate(plan.steps)]
@@ -46,7 +52,7 @@ def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
         else StepReport(index=k, part=step.part, problems=tuple(forms[k]))
         for k, step in enumerate(plan.steps)
     )
-    return VerifyReport(problems=(), steps=steps, notes=tuple(notes))
+    return VerifyReport(problems=(), steps=steps, notes=tuple(notes), complete=plan.status == "complete")
 
 
 def verify_file(
@@ -54,16 +60,27 @@ def verify_file(
 ) -> VerifyReport:
     """Check a plan.json against its input, read again and compared by hash.
 
-    The input is ``input_path``, or the plan's ``source.path``, relative to the current folder or to the plan's.
+    The input is ``input_path``, or the plan's ``source.path``, relative to the plan's folder or to the current one:
+    whichever has the right hash.
     Raises PlanFormatError for a broken plan file and InputError where the input is missing or unusable.
     """
     plan = read_plan(plan_path)
     stated = Path(input_path if input_path is not None else plan.source.path)
-    candidates = [stated] if input_path is not None else [stated, Path(plan_path).parent / stated]
-    found = next((path for path in candidates if path.exists()), None)
-    if found is None:
-        raise InputError(f"{plan_path}: its input {plan.source.path} is not there. Run where it is, or name the input.")
-    return verify_plan(plan, read_assembly(found, unit=plan.source.unit), config=config)
+    candidates = [stated] if input_path is not None else [Path(plan_path).parent / stated, stated]
+    found = [path for path in candidates if path.exists()]
+    if not found:
+        raise InputError(f"{plan_path}: its input {plan.source.path} is not there. Name it with --input.")
+    assemblies = (read_assembly(path, unit=plan.source.unit) for path in found)
+    return verify_plan(plan, _matching(assemblies, plan.source.sha256), config=config)
+
+
+def _matching(assemblies: Iterator[Assembly], sha256: str) -> Assembly:
+    """Return the first assembly with this hash, else the first; reads no more than it must."""
+    first = next(assemblies)
+    if first.source is not None and first.source.sha256 == sha256:
+        return first
+    others = (other for other in assemblies if other.source is not None and other.source.sha256 == sha256)
+    return next(others, first)
 
 
 def _form_only(index: int, step: Step, plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> StepReport:
@@ -89,8 +106,9 @@ def _check_step(
     problems += [finding.problem for finding in findings if finding.problem]
     notes += [note for finding in findings for note in finding.notes]
     if step.contact is not None:
-        placed = {name: (bodies[name], overlaps.poses[name]) for name in step.fixed}
-        contact_wrong, remarks = contact_problems(step, body, placed, config)
+        contact_wrong, remarks = contact_problems(
+            step, body, _surroundings(index, plan, forms, bodies, overlaps), config
+        )
         notes += remarks
     elif index > 0:
         notes.append(f"no contact: {step.contact_reason or 'no reason given'}")
@@ -108,6 +126,18 @@ def _check_step(
         pose=worst.pose if worst else None,
         queries=sum(finding.queries for finding in findings),
     )
+
+
+def _surroundings(
+    index: int, plan: AssemblyPlan, forms: list[list[str]], bodies: dict[str, Body], overlaps: AssembledOverlaps
+) -> Surroundings:
+    """Placed parts where they are assembled, later ones where they rest, the table."""
+    around = {name: (bodies[name], overlaps.poses[name]) for name in plan.steps[index].fixed}
+    for later, form in zip(plan.steps[index + 1 :], forms[index + 1 :], strict=True):
+        if not form:
+            around[later.part] = (bodies[later.part], later.motion.T_world_part[0])
+    table = None if plan.table is None else HalfSpace(normal=plan.table.normal, offset=plan.table.offset)
+    return Surroundings(bodies=around, table=table)
 
 
 def _pair_findings(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,21 +17,30 @@ from sashimono.plan import Contact, Motion, Step
 from sashimono.verify.body import Body
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.pairs import pair_tolerance
-from sashimono.verify.sweep import Screws, sweep
+from sashimono.verify.sweep import HalfSpace, Screws, sweep
 
 _GRIPPER_LENGTHS = ("finger_width", "finger_thickness", "finger_length", "max_opening")
+_OPTIONAL_LENGTHS = ("tip_reach", "patch_radius", "opened")
 _PALM_LENGTHS = ("palm_width", "palm_depth", "palm_length")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surroundings:
+    """What stands around one step: placed parts, parts still resting, the table."""
+
+    bodies: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]]
+    table: HalfSpace | None
 
 
 def contact_problems(
     step: Step,
     body: Body,
-    fixed: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]],
+    around: Surroundings,
     config: VerifyConfig,
 ) -> tuple[list[str], list[str]]:
     """Return what is wrong with a step's contact, and what could not be checked.
 
-    ``fixed``: the placed parts with their poses, past which the fingers go during the insertion.
+    ``around``: everything past which the gripper goes, from pick-up to release.
     """
     contact = step.contact
     assert contact is not None
@@ -47,9 +58,11 @@ def contact_problems(
         notes.append("grasp: no gripper stated, so the fingers were not checked")
     elif missing := [name for name in _GRIPPER_LENGTHS if not _is_length(gripper.get(name))]:
         problems.append(f"grasp: the gripper's {missing[0]} is not a length")
+    elif wrong := [name for name in _OPTIONAL_LENGTHS if name in gripper and not _is_length(gripper[name])]:
+        problems.append(f"grasp: the gripper's {wrong[0]} is not a length")
     else:
         problems += _gripper_problems(contact, gripper, config)
-        problems += _finger_problems(contact, gripper, step.motion, fixed, config)
+        problems += _finger_problems(contact, gripper, step.motion, around, config)
     return problems, notes
 
 
@@ -93,8 +106,10 @@ def _tangential(contact: Contact) -> float:
 
 def _force_problems(contact: Contact, config: VerifyConfig) -> list[str]:
     forces = contact.force_part
-    if contact.kind != "push" or forces is None:
+    if contact.kind != "push":
         return []
+    if forces is None:
+        return ["push: no force is stated, so nothing shows that it moves the part"]
     if forces.shape != contact.points_part.shape or not np.isfinite(forces).all():
         return ["push: there is not one finite force for each contact"]
     along = np.einsum("ij,ij->i", forces, contact.normals_part)
@@ -169,40 +184,52 @@ def _gripper_problems(contact: Contact, gripper: Mapping[str, Any], config: Veri
 
 
 def _finger_problems(
-    contact: Contact,
-    gripper: Mapping[str, Any],
-    motion: Motion,
-    fixed: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]],
-    config: VerifyConfig,
+    contact: Contact, gripper: Mapping[str, Any], motion: Motion, around: Surroundings, config: VerifyConfig
 ) -> list[str]:
-    """Sweep the closed gripper along the insertion past the placed parts."""
-    assert contact.T_part_gripper is not None
+    """Sweep the gripper past everything: coming for the part open, carrying it closed, leaving it open."""
+    T_part_gripper = contact.T_part_gripper
+    assert T_part_gripper is not None
     span = float(np.linalg.norm(contact.points_part[1] - contact.points_part[0]))
-    boxes = _gripper_boxes(gripper, span, config)
-    for segment in motion.segments:
-        if segment.kind != "insertion":
-            continue
-        poses = motion.T_world_part[segment.start : segment.stop + 1] @ contact.T_part_gripper
-        path = Screws.between(poses)
-        for name, (body, T_world_fixed) in fixed.items():
-            for box in boxes:
-                tolerance = pair_tolerance(box, body, config)
-                options = {
-                    "limit": tolerance,
-                    "resolution": tolerance,
-                    "coarse": 0.25 * min(box.wall, body.wall),
-                    "max_queries": config.max_queries,
-                }
-                found = sweep(box.tree, body, path.seen_from(T_world_fixed), **options)
-                if found.holds:
-                    found = sweep(body.tree, box, path.reversed_for(T_world_fixed), **options)
-                if not found.holds:
-                    return [f"grasp: the {box.name} hits {name} at pose {segment.start + found.at:.2f}"]
+    closed = _gripper_boxes(gripper, span, config)
+    ways = [("on its way", closed, motion.T_world_part @ T_part_gripper)]
+    retreat, opened = contact.details.get("retreat"), gripper.get("opened")
+    if _is_length(retreat) and _is_length(opened):
+        away = se3.make(None, np.array([0.0, 0.0, -float(retreat)]))
+        wide = _gripper_boxes(gripper, max(span, float(opened)), config)
+        for when, T in (("at pick-up", motion.T_world_part[0]), ("at release", motion.T_world_part[-1])):
+            ways.append((when, wide, np.stack([T @ T_part_gripper, T @ T_part_gripper @ away])))
+    for when, boxes, poses in ways:
+        for k, (start, stop) in enumerate(pairwise(poses)):
+            if hit := _first_hit(boxes, Screws.between(np.stack([start, stop])), around, config):
+                place = f"between poses {k} and {k + 1}" if when == "on its way" else when
+                return [f"grasp: the {hit[0]} hits {hit[1]} {place}"]
     return []
 
 
-def _gripper_boxes(gripper: Mapping[str, Any], span: float, config: VerifyConfig) -> list[Body]:
-    half, y, length = 0.5 * span, 0.5 * gripper["finger_width"], gripper["finger_length"]
+def _first_hit(boxes: list[Body], path: Screws, around: Surroundings, config: VerifyConfig) -> tuple[str, str] | None:
+    """Return the first box of the gripper that hits something along the path, and what it hits."""
+    for box in boxes:
+        if around.table is not None:
+            # flush with the table is no hit: a part that lies on it is held down there
+            limit = config.relative_tolerance * box.smallest_extent
+            options = {"limit": limit, "resolution": limit, "coarse": 0.25 * box.wall}
+            if not sweep(box.tree, around.table, path, max_queries=config.max_queries, **options).holds:
+                return box.name, "the table"
+        for name, (body, T_world_body) in around.bodies.items():
+            tolerance = pair_tolerance(box, body, config)
+            options = {"limit": tolerance, "resolution": tolerance, "coarse": 0.25 * min(box.wall, body.wall)}
+            found = sweep(box.tree, body, path.seen_from(T_world_body), max_queries=config.max_queries, **options)
+            if found.holds:
+                back = path.reversed_for(T_world_body)
+                found = sweep(body.tree, box, back, max_queries=config.max_queries, **options)
+            if not found.holds:
+                return box.name, name
+    return None
+
+
+def _gripper_boxes(gripper: Mapping[str, Any], opening: float, config: VerifyConfig) -> list[Body]:
+    """The fingers, this far apart, and the palm."""
+    half, y, length = 0.5 * opening, 0.5 * gripper["finger_width"], gripper["finger_length"]
     outer, tip = half + gripper["finger_thickness"], float(gripper.get("tip_reach", 0.0))
     boxes = [
         _box("first finger", [-outer, -y, -length], [-half, y, tip], config),

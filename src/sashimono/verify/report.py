@@ -53,6 +53,8 @@ class VerifyReport:
     """Reasons to refuse the plan that belong to no single step."""
     steps: tuple[StepReport, ...]
     notes: tuple[str, ...] = ()
+    complete: bool = True
+    """Whether the plan claims to place every part."""
 
     @property
     def ok(self) -> bool:
@@ -64,6 +66,7 @@ class VerifyReport:
         bad = sum(not step.ok for step in self.steps)
         if self.ok:
             verdict = f"verified: {len(self.steps)} steps hold"
+            verdict += "" if self.complete else "; the plan is partial: not every part has a step"
         else:
             verdict = (
                 f"refuted: {bad} of {len(self.steps)} steps do not hold, {len(self.problems)} problems of the plan"

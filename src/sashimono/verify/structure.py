@@ -96,7 +96,9 @@ def _path_problems(motion: Motion, moves: bool, config: VerifyConfig) -> list[st
     if stops != starts or any(segment.start >= segment.stop for segment in motion.segments):
         return [f"the segments do not cover poses 0 to {len(poses) - 1} in order"]
     unknown = [segment.kind for segment in motion.segments if segment.kind not in ("transit", "insertion")]
-    return [f"segment kind {unknown[0]!r} is neither transit nor insertion"] if unknown else []
+    if unknown:
+        return [f"segment kind {unknown[0]!r} is neither transit nor insertion"]
+    return [] if motion.segments[-1].kind == "insertion" else ["the last segment is no insertion"]
 
 
 def same_pose(a: np.ndarray, b: np.ndarray, points_part: np.ndarray, config: VerifyConfig) -> bool:
