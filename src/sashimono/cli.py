@@ -11,7 +11,7 @@ import logging
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -24,6 +24,7 @@ from sashimono.errors import SashimonoError
 
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
+    from sashimono.disassembly.separate import Cascade
     from sashimono.plan import AssemblyPlan
 
 OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
@@ -142,29 +143,55 @@ def verify(
 def conditions(
     source: InputPath,
     json_file: Annotated[Path, typer.Option("--json", metavar="FILE", help="file to write")],
+    graph_file: Annotated[
+        Path | None, typer.Option("--graph", metavar="FILE", help="also write the AND/OR graph of subassemblies")
+    ] = None,
     unit: Unit = None,
     seed: Seed = 0,
 ) -> int:
     """Find what must be gone before each part can leave, and how many orders that allows."""
-    import json
+    from sashimono.disassembly.and_or import and_or_graph
+    from sashimono.disassembly.orders import conditions_as_dict
+    from sashimono.io.read import read_assembly
 
+    targets = {"--json": json_file, "--graph": graph_file}
+    _refuse_bad_files(targets)
+    assembly = read_assembly(source, unit=unit)
+    found = _cascade(assembly, seed).conditions()
+    written = conditions_as_dict(found)
+    _write_json(json_file, written)
+    if graph_file is not None:
+        _write_json(graph_file, and_or_graph(found).as_dict())
+    orders = f"unknown ({written['orders_reason']})" if written["orders"] is None else written["orders"]
+    names = ", ".join(str(path) for path in targets.values() if path is not None)
+    typer.echo(f"{len(assembly)} parts, orders: {orders}; written: {names}")
+    return OK
+
+
+def _cascade(assembly: Assembly, seed: int) -> Cascade:
     import numpy as np
 
     from sashimono.bodies import make_bodies
     from sashimono.disassembly.separate import Cascade, SeparateConfig
-    from sashimono.io.read import read_assembly
 
-    if json_file.is_dir():
-        raise SashimonoError(f"--json {json_file} is a folder. Name a file.")
-    _refuse_unwritable(json_file.parent, option="--json")
-    assembly = read_assembly(source, unit=unit)
-    cascade = Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=SeparateConfig())
-    found = cascade.conditions().as_dict()
-    with _replacing_together(json_file.parent) as folder:
-        (folder / json_file.name).write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    orders = "too many to count" if found["orders"] is None else found["orders"]
-    typer.echo(f"{len(assembly)} parts, orders: {orders}; written: {json_file}")
-    return OK
+    return Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=SeparateConfig())
+
+
+def _write_json(path: Path, value: object) -> None:
+    import json
+
+    with _replacing_together(path.parent) as folder:
+        (folder / path.name).write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _refuse_bad_files(targets: Mapping[str, Path | None]) -> None:
+    """Raise SashimonoError before any work if one of the files to be written, by option, cannot be."""
+    for option, path in targets.items():
+        if path is None:
+            continue
+        if path.is_dir():
+            raise SashimonoError(f"{option} {path} is a folder. Name a file.")
+        _refuse_unwritable(path.parent, option=option)
 
 
 def _plan_and_write(
