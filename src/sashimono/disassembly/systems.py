@@ -8,6 +8,7 @@ here keeps the set of complete removal orders as it is, or says how the set is m
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import minimal
@@ -152,23 +153,29 @@ def canonical_order(system: System, needed: Sequence[int]) -> list[int]:
 
 
 def _refined(color: list[int], members: list[list[list[int]]]) -> list[int]:
+    """Tell parts apart by the colours within their clauses and by the clauses that they are in, until that ends."""
+    owners = [part for part, clauses in enumerate(members) for _ in clauses]
+    flat = [clause for clauses in members for clause in clauses]
     while True:
-        used: list[list[tuple[int, ...]]] = [[] for _ in color]
-        signatures = []
-        for part, clauses in enumerate(members):
-            described = []
-            for clause in clauses:
-                shape = tuple(sorted([color[k] for k in clause]))
-                described.append(shape)
-                for k in clause:
-                    used[k].append((color[part], *shape))
-            signatures.append((color[part], tuple(sorted(described))))
-        following = _ranks([(s, tuple(sorted(u))) for s, u in zip(signatures, used, strict=True)])
+        kinds = _ranks([(color[k], sorted([color[m] for m in clause])) for k, clause in zip(owners, flat, strict=True)])
+        own: list[list[int]] = [[] for _ in color]
+        used: list[list[int]] = [[] for _ in color]
+        for kind, owner, clause in zip(kinds, owners, flat, strict=True):
+            own[owner].append(kind)
+            for k in clause:
+                used[k].append(kind)
+        following = _ranks([(c, sorted(o), sorted(u)) for c, o, u in zip(color, own, used, strict=True)])
         if max(following) == max(color):
             return following
         color = following
 
 
 def _ranks(values: list) -> list[int]:
-    rank = {value: k for k, value in enumerate(sorted(set(values)))}
-    return [rank[value] for value in values]
+    """Return the rank of each value among the distinct ones."""
+    order = sorted(range(len(values)), key=values.__getitem__)
+    out = [0] * len(values)
+    rank = 0
+    for before, k in pairwise(order):
+        rank += values[k] != values[before]
+        out[k] = rank
+    return out
