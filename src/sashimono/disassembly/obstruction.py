@@ -47,7 +47,7 @@ class Obstruction:
     """Whether the obstacle has an opening there."""
     faces_part: Int[np.ndarray, "face"]
     """Faces of the part that would meet the obstacle, by index."""
-    faces_obstacle: Int[np.ndarray, "face"]
+    faces_obstacle: Int[np.ndarray, "other"]
     """Faces of the obstacle that the part would meet, by index."""
 
     def __post_init__(self) -> None:
