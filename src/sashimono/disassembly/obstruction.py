@@ -23,6 +23,8 @@ class ObstructionConfig:
 
     resolution: int = 400
     """Lines across the longer side of the two parts' common shadow."""
+    strip: int = 3
+    """Lines drawn as one strip in pictures."""
     rim: float = 1.5
     """Lines this near the outline of either part count as contact along a wall, if there are others [lines]."""
 
@@ -50,7 +52,11 @@ class Obstruction:
     faces_obstacle: Int[np.ndarray, "other"]
     """Faces of the obstacle that the part would meet, by index."""
 
+    patch: Float[np.ndarray, "strip 4 3"]
+    """Where the part would meet the obstacle, as strips in the world frame [m]: for pictures."""
+
     def __post_init__(self) -> None:
+        object.__setattr__(self, "patch", frozen_array(self.patch, np.float64))
         for name in ("faces_part", "faces_obstacle"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.int64))
 
@@ -145,7 +151,30 @@ def find_obstruction(
         opening_obstacle=bool((_filled(material) & ~material).any()),
         faces_part=np.unique(fronts.face[meets]),
         faces_obstacle=np.unique(entries.face[ahead]),
+        patch=_strips(grid, lines, entries.height[ahead], config.strip) @ rotation.T,
     )
+
+
+def _strips(
+    grid: _Grid, lines: Int[np.ndarray, "meeting"], heights: Float[np.ndarray, "meeting"], step: int
+) -> Float[np.ndarray, "strip 4 3"]:
+    """Every ``step``-th row of the lines as strips that wide, one for each run without a gap or a jump in height."""
+    lines, first = np.unique(lines, return_index=True)
+    rows, columns = np.divmod(lines, grid.shape[1])
+    kept = rows % step == 0
+    rows, columns, heights = rows[kept], columns[kept], heights[first][kept]
+    breaks = np.flatnonzero(
+        (np.diff(rows) != 0) | (np.diff(columns) != 1) | (np.abs(np.diff(heights)) > 2.0 * grid.pixel)
+    )
+    starts = np.concatenate([[0], breaks + 1]) if len(rows) else breaks
+    stops = np.concatenate([breaks, [len(rows) - 1]]) if len(rows) else breaks
+    corners = [
+        np.column_stack([columns[k] + right, rows[k] + up, np.zeros(len(k))])
+        for k, right, up in ((starts, 0, 0), (stops, 1, 0), (stops, 1, step), (starts, 0, step))
+    ]
+    strips = grid.pixel * np.stack(corners, axis=1) + np.append(grid.corner, 0.0)
+    strips[:, [0, 3], 2], strips[:, [1, 2], 2] = heights[starts, None], heights[stops, None]
+    return strips
 
 
 def _filled(picture: Bool[np.ndarray, "row column"]) -> Bool[np.ndarray, "row column"]:

@@ -24,7 +24,7 @@ Order = tuple[int, ...]
 class OrdersConfig:
     """Budgets of the work on orders; they count work, never time."""
 
-    max_states: int = 5_000
+    max_states: int = 2_000
     """Subsystems looked at while counting."""
     table_parts: int = 18
     """Subsystems of up to this many parts (at most 20) are counted by a table over all subsets of theirs."""

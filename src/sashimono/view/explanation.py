@@ -23,22 +23,28 @@ SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.j
 """The page's own scripts, in the order in which they are joined."""
 
 
-def _faces(assembly: Assembly, part: str, faces: np.ndarray, packer: Packer) -> dict[str, int]:
-    """Corners of some faces in the world frame, three points a face."""
-    entry = assembly.part(part)
-    corners = entry.vertices_world[entry.faces[faces]].reshape(-1, 3).astype("<f4")
-    return {"at": packer.add(corners), "count": len(corners)}
+def _triangles(corners: np.ndarray, packer: Packer) -> dict[str, int]:
+    """Pack triangles, three points each, in the world frame."""
+    points = corners.reshape(-1, 3).astype("<f4")
+    return {"at": packer.add(points), "count": len(points)}
 
 
 def _blocker(found: Explanation, blocker: Blocker, assembly: Assembly, packer: Packer) -> dict[str, Any]:
     seen = blocker.obstruction
-    none = np.zeros(0, np.int64)
-    return {
+    entry = {
         "part": assembly.index(blocker.part),
         "travel": blocker.travel if math.isfinite(blocker.travel) else None,
-        "area": None if seen is None else seen.area,
-        "facesPart": _faces(assembly, found.part, none if seen is None else seen.faces_part, packer),
-        "facesBlocker": _faces(assembly, blocker.part, none if seen is None else seen.faces_obstacle, packer),
+    }
+    if seen is None:
+        return {**entry, "marks": {}}
+    part, other = assembly.part(found.part), assembly.part(blocker.part)
+    return {
+        **entry,
+        "marks": {
+            "part": _triangles(part.vertices_world[part.faces[seen.faces_part]], packer),
+            "blocker": _triangles(other.vertices_world[other.faces[seen.faces_obstacle]], packer),
+            "patch": _triangles(seen.patch[:, [0, 1, 2, 0, 2, 3]], packer),
+        },
     }
 
 
@@ -97,8 +103,8 @@ def write_explanation(
 ) -> Path:
     """Write one self-contained page that shows why parts cannot leave, and return its path.
 
-    The explained part is orange, what blocks it blue, the faces that would meet red and yellow; an arrow a
-    direction, as long as the free travel. Raises OSError if ``path`` cannot be written.
+    The explained part is orange, what blocks it blue, the faces that would meet yellow and pale red, bright red
+    where they would; an arrow a direction, as long as the free travel. Raises OSError if ``path`` cannot be written.
     """
     scene = make_explanation_scene(found, assembly, config or ViewConfig())
     page = render_page(scene, title=f"{scene.json['title']} · why a part is stuck", scripts=SCRIPTS)

@@ -28,12 +28,15 @@ class Explainer {
     this.labels = element("div");
     host.append(this.labels);
     this.materials = {
-      part: contactMaterials(FACE_COLORS.part, 0.92), blocker: contactMaterials(FACE_COLORS.blocker, 0.92),
+      part: contactMaterials(FACE_COLORS.part, 0.92), blocker: contactMaterials(FACE_COLORS.blocker, 0.3),
+      patch: contactMaterials(FACE_COLORS.blocker, 0.9),
       arrow: contactMaterials(ARROW_COLOR, 1), otherArrow: contactMaterials(OTHER_ARROW_COLOR, 0.75),
     };
-    for (const material of [...this.materials.part, ...this.materials.blocker]) {
-      Object.assign(material, { side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: -1, polygonOffsetUnits: -1 });
-    }
+    ["part", "blocker", "patch"].forEach((kind, k) => {
+      for (const material of this.materials[kind]) {
+        Object.assign(material, { side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: -1 - k, polygonOffsetUnits: -1 - k });
+      }
+    });
     document.getElementById("bar").remove();
     document.getElementById("tools").append(
       element("button", { type: "button", textContent: "Fit", title: "Show everything", onclick: () => this.fit() }));
@@ -49,8 +52,8 @@ class Explainer {
     const { plan } = this;
     const stuck = plan.explanations.filter((entry) => entry.answer !== "FREE").length;
     const badge = stuck ? `${stuck} ${stuck === 1 ? "part" : "parts"} cannot leave` : "Nothing is stuck";
-    const legend = [[ROLES.part.color, "the part"], [FACE_COLORS.part, "its faces that would meet"],
-      [ROLES.blocker.color, "in its way"], [FACE_COLORS.blocker, "the faces in its way"]];
+    const legend = [[ROLES.part.color, "the part"], [FACE_COLORS.part, "its faces that would meet it"],
+      [ROLES.blocker.color, "in its way"], [FACE_COLORS.blocker, "where they would meet"]];
     const header = element("header", {}, element("h1", { textContent: plan.title }),
       element("span", { className: stuck ? "badge partial" : "badge", textContent: badge }),
       element("dl", {}, ...legend.flatMap(([color, text]) => [element("dt", {}, this.#swatch(color)), element("dd", { textContent: text })])));
@@ -100,8 +103,7 @@ class Explainer {
     const facts = direction ? `${this.plan.parts[entry.part].name} gets ${direction.travel === null ? "an unknown way" : formatLength(direction.travel)}` : "";
     document.getElementById("caption").replaceChildren(element("b", { textContent: caption }), element("span", { textContent: facts }));
     direction?.blockers.forEach((blocker) => {
-      this.#faces(blocker.facesPart, this.materials.part);
-      this.#faces(blocker.facesBlocker, this.materials.blocker);
+      for (const [kind, triangles] of Object.entries(blocker.marks)) this.#mark(triangles, this.materials[kind], kind);
     });
     this.tips = entry ? entry.directions.map((other, i) => this.#arrow(other, i === d)) : [];
     this.#invalidate();
@@ -124,12 +126,12 @@ class Explainer {
     item.edgeMaterial.opacity = role === "other" ? 0.16 : 0.6;
   }
 
-  #faces({ at, count }, materials) {
+  #mark({ at, count }, materials, kind) {
     if (!count) return;
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(this.buffer, at, 3 * count), 3));
     addTwice(this.marks, geometry, materials, () => {});
-    this.highlighted += count / 3;
+    if (kind !== "patch") this.highlighted += count / 3;
   }
 
   /** An arrow as long as the free travel, within bounds that keep it in view; returns where its label goes. */
