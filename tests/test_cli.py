@@ -200,12 +200,17 @@ def test_failed_rewrite_keeps_the_earlier_plan(
 
 def test_conditions(two_boxes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "conditions.json"
-    assert run(["conditions", str(two_boxes), "--json", str(target)]) == OK
+    graph = tmp_path / "graph.json"
+    assert run(["conditions", str(two_boxes), "--json", str(target), "--graph", str(graph)]) == OK
     assert json.loads(target.read_text()) == {
         "parts": ["block", "plate"],
         "clauses": {"block": [[]], "plate": [[]]},
         "orders": 2,
+        "orders_reason": "",
+        "precedence": [],
+        "stuck": [],
     }
+    assert json.loads(graph.read_text())["nodes"] == [["block", "plate"], ["block"], ["plate"]]
     assert "orders: 2" in capsys.readouterr().out
     assert run(["conditions", str(two_boxes), "--json", str(tmp_path)]) == BAD_INPUT
     assert "is a folder" in one_line(capsys.readouterr().err.splitlines()[-1])

@@ -1,8 +1,6 @@
 """Level 1: known answers, monotony, invariance, and the exact answers of the truth set."""
 
 import json
-from itertools import permutations
-from math import factorial
 
 import numpy as np
 import pytest
@@ -13,8 +11,7 @@ from solids import assembly, box, box_with_lid, l_tunnel, linked_rings, peg_in_p
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
-from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.clauses import minimal
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
 from sashimono.disassembly.translation import TranslationConfig
@@ -140,39 +137,6 @@ def test_adding_an_obstacle_never_frees_a_part(seed: int) -> None:
         for signed in range(table.count_signed):
             if table.is_free(part, signed, 0b111):
                 assert all(table.is_free(part, signed, among) for among in range(8))
-
-
-def brute_force_orders(conditions: RemovalConditions) -> int:
-    count = 0
-    for order in permutations(range(len(conditions.names))):
-        remaining = (1 << len(order)) - 1
-        for part in order:
-            if not conditions.removable(remaining) >> part & 1:
-                break
-            remaining &= ~(1 << part)
-        count += remaining == 0
-    return count
-
-
-@given(st.integers(0, 10_000))
-def test_counted_orders_equal_the_listed_ones(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    removal = Removal.straight(np.array([0.0, 0.0, 1.0]), 1.0)
-    clauses = []
-    for part in range(5):
-        masks = minimal(int(m) & ~(1 << part) for m in rng.integers(0, 32, rng.integers(1, 4)))
-        clauses.append(tuple(Clause(blockers=mask, removal=removal) for mask in masks))
-    conditions = RemovalConditions(names=tuple("abcde"), clauses=tuple(clauses))
-    assert conditions.count_orders() == brute_force_orders(conditions)
-
-
-def test_orders_are_counted_not_listed_and_the_budget_is_honest() -> None:
-    removal = Removal.straight(np.array([0.0, 0.0, 1.0]), 1.0)
-    free = RemovalConditions(
-        names=tuple(str(k) for k in range(14)), clauses=((Clause(blockers=0, removal=removal),),) * 14
-    )
-    assert free.count_orders() == factorial(14)
-    assert free.count_orders(max_states=100) is None
 
 
 def test_minimal_keeps_no_superset() -> None:

@@ -1,4 +1,4 @@
-"""The command line: ``sashimono demo | plan | verify | conditions``.
+"""The command line: ``sashimono demo | plan | verify | conditions | explain``.
 
 Exit status: 0 complete and verified; 2 bad usage or bad input, with one line on standard error;
 3 no complete plan (a partial one is written, with reasons); 130 interrupted. The planner is imported
@@ -11,7 +11,7 @@ import logging
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -24,6 +24,7 @@ from sashimono.errors import SashimonoError
 
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
+    from sashimono.disassembly.separate import Cascade
     from sashimono.plan import AssemblyPlan
 
 OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
@@ -147,29 +148,113 @@ def verify(
 def conditions(
     source: InputPath,
     json_file: Annotated[Path, typer.Option("--json", metavar="FILE", help="file to write")],
+    graph_file: Annotated[
+        Path | None, typer.Option("--graph", metavar="FILE", help="also write the AND/OR graph of subassemblies")
+    ] = None,
     unit: Unit = None,
     seed: Seed = 0,
 ) -> int:
     """Find what must be gone before each part can leave, and how many orders that allows."""
-    import json
+    from sashimono.disassembly.and_or import and_or_graph
+    from sashimono.disassembly.orders import conditions_as_dict
+    from sashimono.io.read import read_assembly
 
+    targets = {"--json": json_file, "--graph": graph_file}
+    _refuse_bad_files(targets)
+    assembly = read_assembly(source, unit=unit)
+    found = _cascade(assembly, seed).conditions()
+    written = conditions_as_dict(found)
+    _write_json(json_file, written)
+    if graph_file is not None:
+        _write_json(graph_file, and_or_graph(found).as_dict())
+    orders = f"unknown ({written['orders_reason']})" if written["orders"] is None else written["orders"]
+    names = ", ".join(str(path) for path in targets.values() if path is not None)
+    typer.echo(f"{len(assembly)} parts, orders: {orders}; written: {names}")
+    return OK
+
+
+@app.command()
+def explain(
+    source: InputPath,
+    part: Annotated[str | None, typer.Option(metavar="NAME", help="the part; if not given, all that are stuck")] = None,
+    fixed: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="the parts that stay, separated by commas; else all others")
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")] = None,
+    html_file: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="show it in 3D, in one page")] = None,
+    unit: Unit = None,
+    seed: Seed = 0,
+) -> int:
+    """Say why a part cannot leave: what stops it where, what must go first, what change would free it.
+
+    Exit status 0 if it can leave, 3 if not.
+    """
+    from sashimono.disassembly.explain import explain_part, explain_stuck
+    from sashimono.disassembly.explain_report import explanation_lines, explanations_as_dict
+    from sashimono.io.read import read_assembly
+    from sashimono.plan import Answer
+    from sashimono.view import write_explanation
+
+    _refuse_bad_files({"--json": json_file, "--html": html_file})
+    assembly = read_assembly(source, unit=unit)
+    staying = None if fixed is None else _names_in(fixed, assembly, option="--fixed")
+    if part is not None and part not in assembly.names:
+        raise SashimonoError(f"--part: {_no_such_part(part, assembly)}")
+    cascade = _cascade(assembly, seed)
+    found = explain_stuck(cascade, staying) if part is None else (explain_part(cascade, part, staying),)
+    for line in (line for entry in found for line in explanation_lines(entry)):
+        typer.echo(line)
+    if not found:
+        typer.echo("every part can leave" + ("" if staying is None else " these fixed ones"))
+    if json_file is not None:
+        _write_json(json_file, explanations_as_dict(found))
+    if html_file is not None:
+        with _replacing_together(html_file.parent) as folder:
+            write_explanation(found, assembly, folder / html_file.name)
+        typer.echo(f"open in a browser: {html_file.resolve()}")
+    return OK if all(entry.answer is Answer.FREE for entry in found) else NO_PLAN
+
+
+def _names_in(text: str, assembly: Assembly, *, option: str) -> list[str]:
+    """Split names at commas, unless the whole is one name; SashimonoError for those that the assembly has not."""
+    names = [text] if text in assembly.names else [name.strip() for name in text.split(",") if name.strip()]
+    for name in names or [text]:
+        if name not in assembly.names:
+            raise SashimonoError(f"{option}: {_no_such_part(name, assembly)}")
+    return names
+
+
+def _no_such_part(name: str, assembly: Assembly) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, assembly.names, n=3) or assembly.names[:8]
+    return f"there is no part {name!r}. There is: {', '.join(near)}{', ...' if len(near) < len(assembly) else ''}"
+
+
+def _cascade(assembly: Assembly, seed: int) -> Cascade:
     import numpy as np
 
     from sashimono.bodies import make_bodies
     from sashimono.disassembly.separate import Cascade, SeparateConfig
-    from sashimono.io.read import read_assembly
 
-    if json_file.is_dir():
-        raise SashimonoError(f"--json {json_file} is a folder. Name a file.")
-    _refuse_unwritable(json_file.parent, option="--json")
-    assembly = read_assembly(source, unit=unit)
-    cascade = Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=SeparateConfig())
-    found = cascade.conditions().as_dict()
-    with _replacing_together(json_file.parent) as folder:
-        (folder / json_file.name).write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    orders = "too many to count" if found["orders"] is None else found["orders"]
-    typer.echo(f"{len(assembly)} parts, orders: {orders}; written: {json_file}")
-    return OK
+    return Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=SeparateConfig())
+
+
+def _write_json(path: Path, value: object) -> None:
+    import json
+
+    with _replacing_together(path.parent) as folder:
+        (folder / path.name).write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _refuse_bad_files(targets: Mapping[str, Path | None]) -> None:
+    """Raise SashimonoError before any work if one of the files to be written, by option, cannot be."""
+    for option, path in targets.items():
+        if path is None:
+            continue
+        if path.is_dir():
+            raise SashimonoError(f"{option} {path} is a folder. Name a file.")
+        _refuse_unwritable(path.parent, option=option)
 
 
 def _plan_and_write(

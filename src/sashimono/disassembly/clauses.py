@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.removal import Removal
@@ -32,6 +33,15 @@ class RemovalConditions:
     clauses: tuple[tuple[Clause, ...], ...]
     """By part, fewest blockers first; empty where no motion was found at all."""
 
+    @cached_property
+    def masks(self) -> tuple[tuple[int, ...], ...]:
+        """By part, the blockers of each clause; for a part without any, all others: it can only stay as the last."""
+        everything = (1 << len(self.names)) - 1
+        return tuple(
+            tuple(clause.blockers for clause in clauses) or (everything & ~(1 << part),)
+            for part, clauses in enumerate(self.clauses)
+        )
+
     def clause(self, part: int, remaining: int) -> Clause | None:
         """Return a clause by which this part leaves from the remaining parts, or None."""
         others = remaining & ~(1 << part)
@@ -39,36 +49,14 @@ class RemovalConditions:
 
     def removable(self, remaining: int) -> int:
         """Return the mask of the parts that can leave from the remaining ones; the last part always can."""
-        if remaining & (remaining - 1) == 0:
-            return remaining
-        return sum(1 << part for part in bits(remaining) if self.clause(part, remaining) is not None)
-
-    def count_orders(self, *, max_states: int = 200_000) -> int | None:
-        """Return how many complete disassembly orders there are, exactly, or None past ``max_states`` sets.
-
-        Walks the lattice of reachable remaining sets layer by layer: orders are counted, not listed.
-        """
-        ways = {(1 << len(self.names)) - 1: 1}
-        visited = 0
-        for _ in self.names:
-            following: dict[int, int] = {}
-            for remaining, count in ways.items():
-                for part in bits(self.removable(remaining)):
-                    rest = remaining & ~(1 << part)
-                    following[rest] = following.get(rest, 0) + count
-            visited += len(following)
-            if visited > max_states:
-                return None
-            ways = following
-        return ways.get(0, 0)
-
-    def as_dict(self, *, max_states: int = 200_000) -> dict[str, object]:
-        """Return the ``sashimono conditions`` form: ``{"parts", "clauses", "orders"}``; orders may be None."""
-        named = {
-            name: [[self.names[k] for k in bits(clause.blockers)] for clause in clauses]
-            for name, clauses in zip(self.names, self.clauses, strict=True)
-        }
-        return {"parts": list(self.names), "clauses": named, "orders": self.count_orders(max_states=max_states)}
+        free = 0
+        for part in bits(remaining):
+            others = remaining & ~(1 << part)
+            for blockers in self.masks[part]:
+                if not blockers & others:
+                    free |= 1 << part
+                    break
+        return free
 
 
 def minimal(masks: Iterable[int]) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from sashimono.assembly import Assembly
 from sashimono.plan import AssemblyPlan
 from sashimono.view.config import ViewConfig
 from sashimono.view.files import write_whole
-from sashimono.view.scene import make_scene
+from sashimono.view.scene import Scene, make_scene
 
 SCRIPTS = (
     "se3.js", "data.js", "timeline.js", "bodies.js", "contacts.js", "stage.js", "outline.js", "panel.js", "main.js",
@@ -33,9 +34,14 @@ def _json_for_script(value: object) -> str:
 def render_html(plan: AssemblyPlan, assembly: Assembly, *, config: ViewConfig | None = None) -> str:
     """Return the viewer page as text; see `write_html`."""
     scene = make_scene(plan, assembly, config or ViewConfig())
-    own = "\n".join(_asset(name) for name in SCRIPTS)
+    return render_page(scene, title=f"{scene.json['title']} · assembly plan", scripts=SCRIPTS)
+
+
+def render_page(scene: Scene, *, title: str, scripts: Sequence[str]) -> str:
+    """Return one self-contained page that shows a scene with these scripts of the ``viewer`` folder."""
+    own = "\n".join(_asset(name) for name in scripts)
     pieces = {
-        "TITLE": html.escape(str(scene.json["title"])),
+        "TITLE": html.escape(title),
         "STYLE": _asset("viewer.css"),
         "DATA": _json_for_script(scene.json),
         "GEOMETRY": base64.b64encode(scene.geometry).decode("ascii"),

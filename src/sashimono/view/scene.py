@@ -43,7 +43,7 @@ def pack_octahedral(normals: Float[np.ndarray, "n 3"]) -> np.ndarray:
     return np.rint(folded * 32767.0).astype("<i2")
 
 
-class _Packer:
+class Packer:
     """Appends arrays to one block of bytes, each at a multiple of 4."""
 
     def __init__(self) -> None:
@@ -60,10 +60,12 @@ class _Packer:
         return offset
 
     def content(self) -> bytes:
+        """Return the whole block."""
         return b"".join(self._blocks)
 
 
-def _pack_mesh(mesh: DisplayMesh, packer: _Packer) -> dict[str, Any]:
+def pack_mesh(mesh: DisplayMesh, packer: Packer) -> dict[str, Any]:
+    """Return where the packed mesh is and how it is to be read."""
     lower = mesh.positions.min(axis=0)
     cell = np.maximum(np.ptp(mesh.positions, axis=0), 1e-12) / 65535.0
     wide = len(mesh.positions) > 65536
@@ -82,7 +84,8 @@ def _pack_mesh(mesh: DisplayMesh, packer: _Packer) -> dict[str, Any]:
     }
 
 
-def _pose(T: Float[np.ndarray, "4 4"]) -> list[float]:
+def pose_rows(T: Float[np.ndarray, "4 4"]) -> list[float]:
+    """Return the upper three rows, row by row."""
     return T[:3].reshape(-1).tolist()
 
 
@@ -96,7 +99,7 @@ def _contact(contact: Contact) -> dict[str, Any]:
         "points": contact.points_part.tolist(),
         "normals": contact.normals_part.tolist(),
         "quality": _finite(contact.quality),
-        "gripper": None if contact.T_part_gripper is None else _pose(contact.T_part_gripper),
+        "gripper": None if contact.T_part_gripper is None else pose_rows(contact.T_part_gripper),
     }
 
 
@@ -108,7 +111,7 @@ def _step(step: Step, timing: StepTiming, assembly: Assembly) -> dict[str, Any]:
         "start": timing.start,
         "stop": timing.stop,
         "times": timing.pose_times.tolist(),
-        "poses": [_pose(T) for T in step.motion.T_world_part],
+        "poses": [pose_rows(T) for T in step.motion.T_world_part],
         "segments": [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in step.motion.segments],
         "contact": None if step.contact is None else _contact(step.contact),
         "contactReason": step.contact_reason,
@@ -127,8 +130,8 @@ def _parts(
         {
             "name": part.name,
             "shape": use.shape,
-            "shapePose": _pose(use.T_part_shape),
-            "assembled": _pose(plan.parts[part.name]),
+            "shapePose": pose_rows(use.T_part_shape),
+            "assembled": pose_rows(plan.parts[part.name]),
             "color": colors[part.name],
             "cadColor": None if part.color is None else srgb_hex(part.color),
             "explode": offsets[part.name].tolist(),
@@ -161,7 +164,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Sc
     """Return the plan and its geometry, ready to be put into the page."""
     shapes = make_shapes(assembly.parts, config)
     timeline = make_timeline(plan, assembly, config)
-    packer = _Packer()
+    packer = Packer()
     notes = [*assembly.notes, *(note for note in plan.notes if note not in assembly.notes)]
     if shapes.decimated:
         notes.append("Meshes are simplified in this view; the plan was made with the full ones.")
@@ -172,7 +175,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Sc
         "up": list(UP) if plan.table is None else plan.table.normal.tolist(),
         "table": None if plan.table is None else plan.table.offset,
         "duration": timeline.duration,
-        "shapes": [_pack_mesh(mesh, packer) for mesh in shapes.meshes],
+        "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
         "parts": _parts(plan, assembly, shapes.uses, config),
         "steps": [_step(step, timing, assembly) for step, timing in zip(plan.steps, timeline.steps, strict=True)],
         "unsolved": _unsolved(plan, assembly),

@@ -1,0 +1,111 @@
+"""The page that shows why a part cannot leave: what is in its way coloured, arrows for how far it gets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from sashimono.assembly import Assembly
+from sashimono.disassembly.explain import BlockedDirection, Blocker, Explanation
+from sashimono.disassembly.explain_report import change_words, direction_name, explanation_lines
+from sashimono.view.appearance import BASE_COLOR
+from sashimono.view.config import ViewConfig
+from sashimono.view.files import write_whole
+from sashimono.view.html import render_page
+from sashimono.view.scene import UP, Packer, Scene, pack_mesh, pose_rows
+from sashimono.view.shapes import make_shapes
+
+SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.js", "explain.js")
+"""The page's own scripts, in the order in which they are joined."""
+
+
+def _triangles(corners: np.ndarray, packer: Packer) -> dict[str, int]:
+    """Pack triangles, three points each, in the world frame."""
+    points = corners.reshape(-1, 3).astype("<f4")
+    return {"at": packer.add(points), "count": len(points)}
+
+
+def _blocker(found: Explanation, blocker: Blocker, assembly: Assembly, packer: Packer) -> dict[str, Any]:
+    seen = blocker.obstruction
+    entry = {
+        "part": assembly.index(blocker.part),
+        "travel": blocker.travel if math.isfinite(blocker.travel) else None,
+    }
+    if seen is None:
+        return {**entry, "marks": {}}
+    part, other = assembly.part(found.part), assembly.part(blocker.part)
+    return {
+        **entry,
+        "marks": {
+            "part": _triangles(part.vertices_world[part.faces[seen.faces_part]], packer),
+            "blocker": _triangles(other.vertices_world[other.faces[seen.faces_obstacle]], packer),
+            "patch": _triangles(seen.patch[:, [0, 1, 2, 0, 2, 3]], packer),
+        },
+    }
+
+
+def _direction(found: Explanation, entry: BlockedDirection, assembly: Assembly, packer: Packer) -> dict[str, Any]:
+    low, high = assembly.part(found.part).bounds_world
+    front = float((assembly.part(found.part).vertices_world @ entry.direction).max())
+    center = (low + high) / 2
+    return {
+        "name": direction_name(entry.direction),
+        "vector": entry.direction.tolist(),
+        "start": (center + (front - float(center @ entry.direction)) * entry.direction).tolist(),
+        "travel": entry.travel if math.isfinite(entry.travel) else None,
+        "blockers": [_blocker(found, blocker, assembly, packer) for blocker in entry.blockers],
+    }
+
+
+def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, config: ViewConfig) -> Scene:
+    """Return the explanations and the geometry, ready to be put into the page."""
+    shapes = make_shapes(assembly.parts, config)
+    packer = Packer()
+    title = "assembly" if assembly.source is None else PurePath(assembly.source.path.replace("\\", "/")).name
+    json = {
+        "title": title,
+        "up": list(UP),
+        "table": None,
+        "steps": [],
+        "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
+        "parts": [
+            {
+                "name": part.name,
+                "shape": use.shape,
+                "shapePose": pose_rows(use.T_part_shape),
+                "assembled": pose_rows(part.T_world_part),
+                "color": BASE_COLOR,
+            }
+            for part, use in zip(assembly.parts, shapes.uses, strict=True)
+        ],
+        "explanations": [
+            {
+                "part": assembly.index(entry.part),
+                "fixed": [assembly.index(name) for name in entry.fixed],
+                "answer": str(entry.answer),
+                "verdict": explanation_lines(entry)[0],
+                "removeFirst": [[assembly.index(name) for name in names] for names in entry.removal_sets],
+                "change": None if entry.exit_direction is not None else change_words(entry),
+                "directions": [_direction(entry, direction, assembly, packer) for direction in entry.directions],
+            }
+            for entry in found
+        ],
+    }
+    return Scene(json=json, geometry=packer.content())
+
+
+def write_explanation(
+    found: Sequence[Explanation], assembly: Assembly, path: str | Path, *, config: ViewConfig | None = None
+) -> Path:
+    """Write one self-contained page that shows why parts cannot leave, and return its path.
+
+    The explained part is orange, what blocks it blue, the faces that would meet yellow and pale red, bright red
+    where they would; an arrow a direction, as long as the free travel. Raises OSError if ``path`` cannot be written.
+    """
+    scene = make_explanation_scene(found, assembly, config or ViewConfig())
+    page = render_page(scene, title=f"{scene.json['title']} · why a part is stuck", scripts=SCRIPTS)
+    return write_whole(path, page.encode("utf-8"))
