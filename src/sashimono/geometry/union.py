@@ -10,7 +10,7 @@ from manifold3d import Error, Manifold, Mesh64, OpType
 
 
 def unite(
-    meshes: Sequence[tuple[Float[np.ndarray, "vertex 3"], Int[np.ndarray, "face 3"]]],
+    meshes: Sequence[tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]],
 ) -> tuple[Float[np.ndarray, "united 3"], Int[np.ndarray, "united_face 3"]]:
     """Return the surface of the union of closed meshes in one frame [m], by exact booleans.
 
