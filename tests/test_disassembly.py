@@ -28,6 +28,7 @@ from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.sequence import DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.subassembly import find_subassembly
 from sashimono.disassembly.translation import TranslationConfig
 from sashimono.geometry import se3
 from sashimono.plan import Answer
@@ -252,3 +253,21 @@ def test_conditions_are_the_exact_ones(truth_folder, name: str) -> None:
         for k in bits(remaining):
             right = any(not any(remaining >> index[n] & 1 for n in clause) for clause in exact[parts.names[k]] or [])
             assert bool(said >> k & 1) == right, (parts.names[k], bin(remaining))
+
+
+def test_the_part_that_stays_decides_which_set_moves() -> None:
+    parts = pair_in_pair()
+    cascade = cascade_of(parts)
+    bar = {parts.index("front"), parts.index("back")}
+    found = [
+        find_subassembly(
+            cascade.blocking, 0b1111, stays=stays, worth=lambda direction: 0.0, connected=lambda mask: True
+        )
+        for stays in (0, 2)
+    ]
+    assert [set(bits(group.members)) for group in found if group is not None] == [bar, {0, 1}]
+    apart = find_subassembly(
+        cascade.blocking, 0b1111, stays=0, worth=lambda direction: 0.0, connected=lambda mask: False
+    )
+    assert apart is not None
+    assert find_subassembly(cascade.blocking, 0b0011, stays=0, worth=lambda d: 0.0, connected=lambda mask: True) is None

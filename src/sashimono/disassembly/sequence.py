@@ -212,7 +212,14 @@ class _Chooser:
     def next_subassembly(self, remaining: int, protected: int) -> Departure | None:
         """The best set of parts that leaves as one body, with how it comes apart by itself."""
         table = self.cascade.blocking
-        found = find_subassembly(table, remaining, stays=protected, worth=self.preference(None), banned=self.banned)
+        found = find_subassembly(
+            table,
+            remaining,
+            stays=protected,
+            worth=self.preference(None),
+            connected=self.connected,
+            banned=self.banned,
+        )
         if found is None:
             return None
         inside = _disassemble(self, found.members, lambda removed: None)

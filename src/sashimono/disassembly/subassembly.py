@@ -38,31 +38,33 @@ def find_subassembly(
     *,
     stays: int,
     worth: Callable[[Float[np.ndarray, "3"]], float],
+    connected: Callable[[int], bool],
     banned: frozenset[tuple[int, int]] = frozenset(),
 ) -> Subassembly | None:
     """Return the best set of two or more parts that leaves the remaining ones as one body, or None.
 
-    The fewest parts, then the direction worth most. Every pair of a member and a part that stays is
-    traced: a set is given only if all of them pass.
+    Parts that hang together rather than not, then the fewest, then the direction worth most. Every pair
+    of a member and a part that stays is traced: a set is given only if all of them pass.
 
     Args:
         blocking: The relation.
         remaining: Mask of the parts that are there.
         stays: A part that must not be among those that move.
         worth: Of a unit direction of removal.
+        connected: Whether the parts of a mask hang together.
         banned: Pairs of a set of parts (a mask) and a signed direction not to be given.
     """
     found = {signed: _sinks(blocking, signed, remaining) for signed in range(blocking.count_signed)}
     while True:
         candidates = [
-            (members.bit_count(), -round(worth(blocking.direction(signed)), 6), members, signed)
+            (not connected(members), members.bit_count(), -round(worth(blocking.direction(signed)), 6), members, signed)
             for signed, sinks in found.items()
             for members in sinks
             if members.bit_count() > 1 and not members >> stays & 1 and (members, signed) not in banned
         ]
         if not candidates:
             return None
-        _, _, members, signed = min(candidates)
+        *_, members, signed = min(candidates)
         if _passes(blocking, signed, members, remaining & ~members):
             removal = _straight(blocking, signed, members, remaining & ~members)
             return Subassembly(members=members, signed=signed, removal=removal)
