@@ -119,7 +119,7 @@ class Panel {
   /** The parts of a subassembly, in words; nothing for a single part. */
   #members(step) {
     if (step.moving.length < 2) return "";
-    return `subassembly of ${step.moving.length}: ${step.moving.map((part) => this.plan.parts[part].name).join(", ")}`;
+    return `subassembly of ${step.moving.length}: ${step.moving.map((part) => this.plan.parts[part]).map(({ name, solved }) => (solved ? name : `${name} (unsolved)`)).join(", ")}`;
   }
 
   #title(step) {
