@@ -76,6 +76,7 @@ def measure(folder: Path, *, second: bool) -> dict:
         "status": plan["status"],
         "refuted": refuted,
         "grasps": sum(step["contact"] is not None for step in plan["steps"]),
+        "subassemblies": sum("subassembly" in step for step in plan["steps"]),
         "timings": plan.get("timings"),
         "reason": "; ".join(f"{u['part']} {u['answer']} ({u['reason']})" for u in plan["unsolved"]),
     }

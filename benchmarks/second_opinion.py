@@ -39,41 +39,86 @@ def refutations(plan_path: Path, source: Path) -> list[str]:
     solids = {part.name: solid(part.vertices_part, part.faces) for part in assembly.parts}
     sizes = {part.name: extent(part.vertices_part, solids[part.name]) for part in assembly.parts}
     poses = {part["name"]: np.array(part["T_world_part"]) for part in plan["parts"]}
-    starts = {step["part"]: np.array(step["path"]["T_world_part"][0]) for step in plan["steps"]}
-    out = wrong_poses(plan, assembly)
-    for k, step in enumerate(plan["steps"][1:], start=1):
+    out = wrong_places(plan, poses, assembly)
+    return out + against_steps(plan["steps"], solids, sizes, poses)
+
+
+def against_steps(steps: list[dict], solids: dict, sizes: dict, poses: dict) -> list[str]:
+    """Return what speaks against steps that follow one another, and against those inside their subassemblies."""
+    out = []
+    for k, step in enumerate(steps):
+        if "subassembly" in step:
+            out += against_steps(step["subassembly"]["steps"], solids, sizes, poses)
         others = {name: placed(solids[name], poses[name]) for name in step["fixed"]}
-        others |= {s["part"]: placed(solids[s["part"]], starts[s["part"]]) for s in plan["steps"][k + 1 :]}
-        moving, name = solids[step["part"]], step["part"]
-        allowed = {
-            other: thickness(placed(moving, poses[name]) ^ body) if other in step["fixed"] else 0.0
-            for other, body in others.items()
-        }
-        found = set()
-        # backwards from the assembled pose: once a pair has parted, its overlap excuses nothing any more
-        for T in reversed(resampled(np.array(step["path"]["T_world_part"]))):
-            here = placed(moving, T)
-            for other, body in others.items():
-                depth = thickness(here ^ body) if boxes_meet(here, body) else 0.0
-                tolerance = TOLERANCE * min(sizes[name], sizes[other])
-                if depth > allowed[other] + tolerance and other not in found:
-                    found.add(other)
-                    out.append(
-                        f"{name} overlaps {other} {depth * 1e3:.4g} mm thick on its way, "
-                        f"{allowed[other] * 1e3:.4g} mm allowed (tolerance {tolerance * 1e3:.4g} mm)"
-                    )
-                if depth == 0.0:
-                    allowed[other] = 0.0
+        for later in steps[k + 1 :]:
+            others |= {name: placed(solids[name], path(later, name, poses)[0]) for name in members(later)}
+        for name in members(step) if k else []:
+            out += against_part(name, path(step, name, poses), step["fixed"], others, solids, sizes, poses)
     return out
 
 
-def wrong_poses(plan: dict, assembly: Assembly) -> list[str]:
-    """Return the parts whose path does not end in the input's assembled pose, and those never placed."""
-    out = [f"{name} is never placed" for name in assembly.names if name not in {s["part"] for s in plan["steps"]}]
-    for step in plan["steps"]:
-        end = np.array(step["path"]["T_world_part"][-1])
-        if np.abs(end - assembly.part(step["part"]).T_world_part).max() > 1e-9:
-            out.append(f"{step['part']} does not end in its assembled pose")
+def against_part(
+    name: str, way: np.ndarray, fixed: list[str], others: dict, solids: dict, sizes: dict, poses: dict
+) -> list[str]:
+    """Return what one part goes too deep into on its way."""
+    moving, out = solids[name], []
+    allowed = {
+        other: thickness(placed(moving, poses[name]) ^ body) if other in fixed else 0.0
+        for other, body in others.items()
+    }
+    found = set()
+    # backwards from the assembled pose: once a pair has parted, its overlap excuses nothing any more
+    for T in reversed(resampled(way)):
+        here = placed(moving, T)
+        for other, body in others.items():
+            depth = thickness(here ^ body) if boxes_meet(here, body) else 0.0
+            tolerance = TOLERANCE * min(sizes[name], sizes[other])
+            if depth > allowed[other] + tolerance and other not in found:
+                found.add(other)
+                out.append(
+                    f"{name} overlaps {other} {depth * 1e3:.4g} mm thick on its way, "
+                    f"{allowed[other] * 1e3:.4g} mm allowed (tolerance {tolerance * 1e3:.4g} mm)"
+                )
+            if depth == 0.0:
+                allowed[other] = 0.0
+    return out
+
+
+def members(step: dict) -> list[str]:
+    """Return the parts that move in a step."""
+    return step.get("moving", [step["part"]])
+
+
+def path(step: dict, name: str, poses: dict) -> np.ndarray:
+    """Return the poses of one of the parts that move in a step."""
+    return np.array(step["path"]["T_world_part"]) @ np.linalg.inv(poses[step["part"]]) @ poses[name]
+
+
+def leaves(steps: list[dict]) -> list[str]:
+    """Return the parts that have a step of their own."""
+    out = []
+    for step in steps:
+        out += leaves(step["subassembly"]["steps"]) if "subassembly" in step else [step["part"]]
+    return out
+
+
+def wrong_places(plan: dict, poses: dict, assembly: Assembly) -> list[str]:
+    """Return the parts not placed exactly once, or elsewhere than in the input's assembled pose."""
+    found = leaves(plan["steps"])
+    out = [f"{name} is placed {found.count(name)} times" for name in assembly.names if found.count(name) != 1]
+    out += [
+        f"{name} is not where it is in the input"
+        for name in assembly.names
+        if np.abs(poses[name] - assembly.part(name).T_world_part).max() > 1e-9
+    ]
+
+    def ends(steps: list[dict]) -> None:
+        for step in steps:
+            if np.abs(np.array(step["path"]["T_world_part"][-1]) - poses[step["part"]]).max() > 1e-9:
+                out.append(f"{step['part']} does not end in its assembled pose")
+            ends(step.get("subassembly", {"steps": []})["steps"])
+
+    ends(plan["steps"])
     return out
 
 

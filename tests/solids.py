@@ -69,3 +69,39 @@ def sealed_box(sunk: float) -> Assembly:
     shell = box((0.05, 0.05, 0.05)) - box((0.04, 0.04, 0.04))
     shell += box((0.01, 0.01, 0.01), (0.0, 0.0, -0.0151))
     return assembly(shell=shell, screw=rod(0.002, 0.012, (0.0, 0.0, -0.0041 - sunk)))
+
+
+def sliding_halves(size: tuple[float, float, float], *, gap: float = 0.0) -> tuple[Manifold, Manifold]:
+    """A block in two halves along x, dovetailed: each leaves the other along x only. ``gap`` is the joint's play."""
+    width, depth, height = size
+    neck, wide, tall = 0.2 * depth, 0.4 * depth, 0.3 * height
+    profile = [(-neck / 2, 0.0), (neck / 2, 0.0), (wide / 2, tall), (-wide / 2, tall)]
+    tail = manifold3d.CrossSection([profile]).extrude(width)
+    # the profile's plane (a, b) becomes (y, z), its extrusion x
+    tail = tail.transform(np.array([[0.0, 0.0, 1.0, -width / 2], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]))
+    lower, upper = (box((width, depth, height / 2), (0.0, 0.0, z)) for z in (-height / 4, height / 4))
+    room = tail if gap == 0.0 else tail.scale((1.0, 1.0 + gap, 1.0 + gap))
+    return lower + tail, upper - room
+
+
+AXES_TURNED = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+"""Takes x to z, y to x and z to y."""
+
+
+def pair_in_pair() -> Assembly:
+    """A block in two halves that slide along x, and across it a bar in two halves that slide along z.
+
+    No part leaves alone: the bar holds the block together, and the block the bar. The bar leaves along y as one.
+    """
+    low, high = sliding_halves((0.08, 0.06, 0.06))
+    front, back = (half.transform(AXES_TURNED) for half in sliding_halves((0.02, 0.02, 0.06)))
+    hole = box((0.02, 0.1, 0.02))
+    return assembly(low=low - hole, high=high - hole, front=front, back=back)
+
+
+def pairs_in_pairs() -> Assembly:
+    """`pair_in_pair` in a case of two halves that slide along y: the four of them leave along z, as one."""
+    turned = np.array([[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+    halves = (half.transform(turned) - box((0.08, 0.06, 0.1)) for half in sliding_halves((0.14, 0.16, 0.06)))
+    bottom, top = (part(name, half) for name, half in zip(("bottom", "top"), halves, strict=True))
+    return Assembly(parts=(bottom, top, *pair_in_pair().parts))

@@ -28,6 +28,7 @@ LEVELS = [
     {"disassembly"},
     {"motion"},
     {"contact"},
+    {"tree"},
     {"pipeline", "verify", "view"},
     {"cli", "console"},
 ]

@@ -6,14 +6,26 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from solids import assembly, box, box_with_lid, l_tunnel, linked_rings, peg_in_plate, rod
+from solids import (
+    assembly,
+    box,
+    box_with_lid,
+    l_tunnel,
+    linked_rings,
+    pair_in_pair,
+    pairs_in_pairs,
+    peg_in_plate,
+    rod,
+    sliding_halves,
+)
 
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import minimal
 from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence import DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.subassembly import find_subassembly
 from sashimono.disassembly.translation import TranslationConfig
 from sashimono.geometry import se3
 from sashimono.plan import Answer
@@ -93,13 +105,60 @@ def test_removal_ends_clear_of_what_stays() -> None:
     result = find_disassembly(cascade_of(parts), config=SequenceConfig())
     assert len(result.removals) == 2
     left = {0, 1, 2}
-    for part, separation in result.removals:
-        assert separation.removal is not None
-        D = separation.removal.displacements[-1]
-        d = separation.removal.exit_direction
+    for departure in result.removals:
+        part, removal = departure.part, departure.separation.removal
+        assert removal is not None
+        D = removal.displacements[-1]
+        d = removal.exit_direction
         back = (se3.apply(D, parts.parts[part].vertices_world) @ d).min()
         left.remove(part)
         assert back > max((parts.parts[k].vertices_world @ d).max() for k in left)
+
+
+def test_dovetailed_halves_slide_one_way_only() -> None:
+    lower, upper = sliding_halves((0.04, 0.03, 0.02))
+    table = cascade_of(assembly(lower=lower, upper=upper)).blocking
+    free = [table.direction(s) for s in range(table.count_signed) if table.is_free(1, s, 0b01)]
+    np.testing.assert_allclose(np.abs(np.array(free)), [[1.0, 0.0, 0.0]] * 2, atol=1e-12)
+
+
+def departures_of(parts: Assembly, result: DisassemblyResult) -> list[set[str]]:
+    return [{parts.names[k] for k in bits(departure.members)} for departure in result.departures()]
+
+
+def test_a_bar_in_halves_leaves_a_block_in_halves_as_one() -> None:
+    parts = pair_in_pair()
+    cascade = cascade_of(parts)
+    result = find_disassembly(cascade, config=SequenceConfig())
+    assert parts.names[result.base] in {"low", "high"}
+    assert departures_of(parts, result)[0] == {"front", "back"}
+    assert sorted(map(len, departures_of(parts, result))) == [1, 1, 2]
+    assert result.stuck == ()
+    group = result.removals[0]
+    assert group.separation.removal is not None
+    np.testing.assert_allclose(np.abs(group.separation.removal.exit_direction), [0.0, 1.0, 0.0], atol=1e-9)
+    assert group.inside is not None
+    assert group.part == group.inside.base
+    assert group.inside.stuck == ()
+
+
+def test_groups_come_apart_into_groups() -> None:
+    parts = pairs_in_pairs()
+    result = find_disassembly(cascade_of(parts), config=SequenceConfig())
+    found = departures_of(parts, result)
+    assert found[0] == {"low", "high", "front", "back"}
+    assert found[1] == {"front", "back"}
+    assert sorted(map(len, found)) == [1, 1, 1, 2, 4]
+    assert all(departure.inside is None or departure.inside.stuck == () for departure in result.departures())
+
+
+def test_a_group_refused_is_not_taken_again() -> None:
+    parts = pair_in_pair()
+    cascade = cascade_of(parts)
+    first = find_disassembly(cascade, config=SequenceConfig()).removals[0]
+    second = find_disassembly(cascade, config=SequenceConfig(), banned=frozenset({first.ban})).removals[0]
+    assert second.members == first.members
+    assert second.separation.signed != first.separation.signed
 
 
 @settings(max_examples=8)
@@ -158,3 +217,21 @@ def test_conditions_are_the_exact_ones(truth_folder, name: str) -> None:
         for k in bits(remaining):
             right = any(not any(remaining >> index[n] & 1 for n in clause) for clause in exact[parts.names[k]] or [])
             assert bool(said >> k & 1) == right, (parts.names[k], bin(remaining))
+
+
+def test_the_part_that_stays_decides_which_set_moves() -> None:
+    parts = pair_in_pair()
+    cascade = cascade_of(parts)
+    bar = {parts.index("front"), parts.index("back")}
+    found = [
+        find_subassembly(
+            cascade.blocking, 0b1111, stays=stays, worth=lambda direction: 0.0, connected=lambda mask: True
+        )
+        for stays in (0, 2)
+    ]
+    assert [set(bits(group.members)) for group in found if group is not None] == [bar, {0, 1}]
+    apart = find_subassembly(
+        cascade.blocking, 0b1111, stays=0, worth=lambda direction: 0.0, connected=lambda mask: False
+    )
+    assert apart is not None
+    assert find_subassembly(cascade.blocking, 0b0011, stays=0, worth=lambda d: 0.0, connected=lambda mask: True) is None

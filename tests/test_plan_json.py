@@ -17,7 +17,7 @@ from sashimono.assembly import Overlap, Source
 from sashimono.errors import PlanFormatError
 from sashimono.io.plan_json import plan_from_json, plan_to_json, read_plan, write_plan
 from sashimono.io.plan_schema import plan_schema
-from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Table, Unsolved
+from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Subassembly, Table, Unsolved
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 names = st.text(min_size=1, max_size=8)
@@ -56,7 +56,7 @@ contacts = recipe(
     T_part_gripper=st.none() | arrays(4, 4),
     details=mappings,
 )
-steps = recipe(
+single_steps = recipe(
     Step,
     part=names,
     fixed=st.lists(names, max_size=3).map(tuple),
@@ -77,6 +77,23 @@ steps = recipe(
     contact=st.none() | contacts,
     contact_reason=st.none() | names,
 )
+tables = st.none() | recipe(Table, normal=arrays(3), offset=numbers)
+
+
+def step_of(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """A step that moves a subassembly, with steps like these inside."""
+    inside = recipe(
+        Subassembly,
+        order=st.lists(names, max_size=2).map(tuple),
+        steps=st.lists(inner, max_size=2).map(tuple),
+        table=tables,
+    )
+    moving = st.lists(names, min_size=1, max_size=3).map(tuple)
+    fields = st.fixed_dictionaries({"moving": moving, "subassembly": inside})
+    return st.tuples(single_steps, fields).map(lambda pair: (Step, {**pair[0][1], **pair[1]}))
+
+
+steps = st.recursive(single_steps, step_of, max_leaves=3)
 plans = recipe(
     AssemblyPlan,
     status=st.sampled_from(["complete", "partial"]),
@@ -94,7 +111,7 @@ plans = recipe(
         ),
         max_size=2,
     ).map(tuple),
-    table=st.none() | recipe(Table, normal=arrays(3), offset=numbers),
+    table=tables,
     overlaps=st.lists(recipe(Overlap, first=names, second=names, volume=numbers, fraction=numbers), max_size=2).map(
         tuple
     ),
@@ -242,11 +259,14 @@ def test_added_fields_are_read_past() -> None:
     assert tree(plan_from_json(json.dumps(document))) == tree(small_plan())
 
 
-def test_groups_that_move_together_are_refused_clearly() -> None:
+def test_breaches_inside_a_subassembly_are_named_with_their_place() -> None:
     document = json.loads(plan_to_json(small_plan()))
-    document["steps"][1]["moving"] = ["lid", "box"]
-    with pytest.raises(PlanFormatError, match=r"\$\.steps\[1\].*does not support"):
+    inside = {"order": ["lid"], "table": None, "steps": [{**document["steps"][1], "part": 3}]}
+    document["steps"][1] |= {"moving": ["lid", "box"], "subassembly": inside}
+    with pytest.raises(PlanFormatError, match=r"\$\.steps\[1\]\.subassembly\.steps\[0\]\.part"):
         plan_from_json(json.dumps(document))
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(document, plan_schema())
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2]", '{"format": NaN}', "[" * 100000, '{"format": "other"}', "null"])

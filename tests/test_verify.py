@@ -16,6 +16,8 @@ from sashimono.io.plan_json import write_plan
 from sashimono.io.read import read_assembly
 from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Table, Unsolved
 from sashimono.verify import VerifyConfig, VerifyReport, verify_file, verify_plan
+from sashimono.verify.body import Body
+from sashimono.verify.compound import Compound
 
 MM = 1e-3
 SOURCE = Source(path="here", sha256="5a", unit="mm")
@@ -444,3 +446,19 @@ def test_an_overlap_when_assembled_is_no_pass_through_another_wall() -> None:
 
     assert report(at(0, 0, 50)).ok
     refuted(report(at(80, 0, 20), at(0, 0, 20)), "peg", "once parted")
+
+
+def test_a_compound_weighs_and_measures_as_its_members_together() -> None:
+    """A cube of 2 mm and one of 1 mm on top of it, the second in a frame of its own."""
+    large, small = box((2.0, 2.0, 2.0), (0.0, 0.0, 0.0)), box((1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
+    bodies = [
+        Body(name, np.array(m.vertices) * MM, np.array(m.faces), samples=100)
+        for name, m in (("large", large), ("small", small))
+    ]
+    T = se3.make(se3.exp_so3(np.array([0.0, 0.0, 0.5 * np.pi])), np.array([0.0, 0.0, 1.5 * MM]))
+    both = Compound("large", [(bodies[0], np.eye(4)), (bodies[1], T)], samples=100)
+    assert both.volume == pytest.approx(9.0 * MM**3)
+    np.testing.assert_allclose(both.center_of_mass, [0.0, 0.0, 1.5 / 9.0 * MM], atol=1e-12)
+    points = np.array([[0.0, 0.0, 2.25], [0.0, 0.0, 1.5], [1.5, 0.0, 0.0], [0.0, 0.75, 1.5]]) * MM
+    np.testing.assert_allclose(both.distance(points), np.array([0.25, -0.5, 0.5, 0.25]) * MM, atol=1e-9)
+    np.testing.assert_allclose(both.nearest_normal(points[[0, 2, 3]]), [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-9)

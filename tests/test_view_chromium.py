@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from view_example import HOSTILE_NAMES, stacked_blocks
+from view_example import HOSTILE_NAMES, paired_blocks, stacked_blocks
 
 from sashimono.geometry import se3
 from sashimono.view import write_html
@@ -153,6 +153,27 @@ def test_exploded_view_moves_only_what_is_drawn(complete: Any) -> None:
     complete.evaluate("sashimono.setView({explode: 0, xray: true, table: false, contacts: false})")
     assert complete.errors == []
     complete.evaluate("sashimono.setView({xray: false, table: true, contacts: true})")
+
+
+def test_a_subassembly_moves_as_one_and_is_named(browser: Any, complete: Any, tmp_path: Path) -> None:
+    plan, assembly = paired_blocks()
+    pair = plan.steps[-1]
+    browser.open(write_html(plan, assembly, tmp_path / "pair.html"))
+    start, stop = (browser.evaluate(f"sashimono.steps[2].{name}") for name in ("start", "stop"))
+    for time, k in ((start, 0), (stop, -1)):
+        browser.evaluate(f"sashimono.setTime({time})")
+        for name in pair.members:
+            shown = np.array(browser.evaluate(f"sashimono.poseOf({name!r})"))
+            np.testing.assert_allclose(shown, pair.member_poses(name, plan.parts)[k], atol=1e-9)
+    browser.evaluate(f"sashimono.setTime({0.5 * (start + stop)})")
+    lower, upper = (np.array(browser.evaluate(f"sashimono.poseOf({name!r})")) for name in pair.members)
+    between = se3.inverse(plan.parts[pair.members[0]]) @ plan.parts[pair.members[1]]
+    np.testing.assert_allclose(se3.inverse(lower) @ upper, between, atol=1e-9)
+    said = browser.evaluate("document.getElementById('side').textContent")
+    assert "subassembly of 2: block_2, block_3" in said
+    assert "put together before: block_2, then block_3" in said
+    assert browser.evaluate("document.getElementById('caption').textContent").startswith("block_2 and 1 more")
+    assert browser.errors == []
 
 
 def test_partial_plan_with_hostile_names(browser: Any, complete: Any, tmp_path: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, Part, Source
 from sashimono.geometry import se3
-from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Table, Unsolved
+from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Subassembly, Table, Unsolved
 
 NAMES = ("block_0", "block_1", "block_2", "block_3")
 HOSTILE_NAMES = (
@@ -80,3 +82,17 @@ def stacked_blocks(names: tuple[str, ...] = NAMES, *, unsolved: int = 0) -> tupl
         version="0",
     )
     return plan, assembly
+
+
+def paired_blocks() -> tuple[AssemblyPlan, Assembly]:
+    """Return a plan whose last step brings the upper two blocks as one, stacked before."""
+    plan, assembly = stacked_blocks()
+    lower, upper = plan.steps[2], plan.steps[3]
+    base = Step(
+        part=lower.part, fixed=(), motion=Motion(T_world_part=plan.parts[lower.part][None], segments=()), contact=None
+    )
+    inside = Subassembly(
+        order=(lower.part, upper.part), steps=(base, replace(upper, fixed=(lower.part,))), table=plan.table
+    )
+    pair = replace(lower, moving=(lower.part, upper.part), subassembly=inside)
+    return replace(plan, order=plan.order[:3], steps=(*plan.steps[:2], pair)), assembly

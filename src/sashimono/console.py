@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from textwrap import shorten
 
@@ -54,8 +54,8 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     verdict = "complete and verified" if plan.status == "complete" else "partial"
     width = max((len(name) for name in plan.parts), default=0)
     return [
-        f"{verdict}: {len(plan.steps)} of {len(assembly)} parts placed",
-        *(f"{k:4d} {step.part:<{width}}  {_step_words(step)}" for k, step in enumerate(plan.steps, 1)),
+        f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
+        *_step_lines(plan.steps, width, ""),
         *(f"   - {entry.part:<{width}}  {_unsolved_words(entry)}" for entry in plan.unsolved),
         *_overlap_lines(plan),
     ]
@@ -72,8 +72,17 @@ def _overlap_lines(plan: AssemblyPlan) -> list[str]:
     return [*shown, f"and {more} more pairs, see overlaps in plan.json"] if more > 0 else shown
 
 
+def _step_lines(steps: Sequence[Step], width: int, indent: str) -> Iterator[str]:
+    """Yield a line a step; below a subassembly's, indented, those by which it was put together before."""
+    for k, step in enumerate(steps, 1):
+        yield f"{indent}{k:4d} {step.part:<{width}}  {_step_words(step)}"
+        if step.subassembly is not None:
+            yield from _step_lines(step.subassembly.steps, width, indent + "     ")
+
+
 def _step_words(step: Step) -> str:
-    words = [_direction_words(step.motion.T_world_part)]
+    words = [f"subassembly of {len(step.moving)}: {', '.join(step.moving)}"] if step.moving else []
+    words.append(_direction_words(step.motion.T_world_part))
     if len(step.motion.T_world_part) > 1:
         words.append(_contact_words(step))
     evidence = step.motion.evidence

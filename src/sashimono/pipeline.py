@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 
@@ -13,19 +13,17 @@ import numpy as np
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
-from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
-from sashimono.disassembly.separate import Cascade, SeparateConfig, Separation, names_of
+from sashimono.contact import ContactConfig, named_gripper
+from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.sequence import Ban, DisassemblyResult, SequenceConfig, find_disassembly
-from sashimono.geometry.body import Body, SampleConfig
+from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.mesh import smallest_extent
-from sashimono.motion import MotionConfig, MotionResult, plan_motions
-from sashimono.plan import Answer, AssemblyPlan, Step, Unsolved
-from sashimono.verify import VerifyConfig, VerifyReport, verify_plan
+from sashimono.motion import MotionConfig
+from sashimono.plan import Answer, AssemblyPlan, Motion, Step, Table, Unsolved, placed_parts
+from sashimono.tree import Progress, TreePlanner
+from sashimono.verify import StepReport, VerifyConfig, verify_plan
 
 logger = logging.getLogger(__name__)
-
-Progress = Callable[[str, int, int], None]
-"""Called with (stage, done, total)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,13 +65,22 @@ def plan_assembly(
         bodies = make_bodies(assembly, config=config.samples, rng=rng_bodies)
         cascade = Cascade(assembly, bodies, config=config.separate)
     banned: frozenset[Ban] = frozenset()
+    planner = TreePlanner(
+        assembly=assembly,
+        bodies=bodies,
+        motion=config.motion,
+        contact=config.contact if config.contacts else None,
+        gripper=config.gripper,
+        samples=config.samples,
+        stage=clock.stage,
+    )
     best: _Attempt | None = None
     # spawned generators advance: each attempt gets its own, whatever the ones before drew
     for motion_rng, contact_rng in zip(
         rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
     ):
-        attempt = _attempt(assembly, bodies, cascade, banned, config, (motion_rng, contact_rng), clock, progress)
-        if best is None or len(attempt.steps) > len(best.steps):
+        attempt = _attempt(planner, cascade, banned, config, (motion_rng, contact_rng), progress)
+        if best is None or len(placed_parts(attempt.steps)) > len(placed_parts(best.steps)):
             best = attempt
         if not attempt.refused - banned:
             break
@@ -87,175 +94,103 @@ def plan_assembly(
 class _Attempt:
     """One way down the levels and what the check said of it."""
 
-    motions: MotionResult
     steps: tuple[Step, ...]
+    table: Table
     unsolved: tuple[Unsolved, ...]
     refused: frozenset[Ban]
-    """Parts and directions that level 2 or the check refused."""
+    """Departures that level 2 or the check refused."""
     verified: bool
 
 
 def _attempt(
-    assembly: Assembly,
-    bodies: Mapping[str, Body],
+    planner: TreePlanner,
     cascade: Cascade,
     banned: frozenset[Ban],
     config: PipelineConfig,
     rngs: tuple[np.random.Generator, np.random.Generator],
-    clock: _Clock,
     progress: Progress,
 ) -> _Attempt:
+    assembly = planner.assembly
     count = len(assembly) - 1
-    with clock.stage("sequence"):
+    with planner.stage("sequence"):
         found = find_disassembly(
             cascade, config=config.sequence, banned=banned, progress=lambda done: progress("sequence", done, count)
         )
-    witnesses = {assembly.names[part]: separation for part, separation in found.removals}
-    order = [assembly.names[found.base], *reversed(witnesses)]
-    stuck = [_unsolved(assembly, part, separation) for part, separation in found.stuck]
-    with clock.stage("motion"):
-        motions = plan_motions(
-            assembly,
-            order,
-            {name: s.removal for name, s in witnesses.items() if s.removal is not None},
-            config=config.motion,
-            rng=rngs[0],
-            in_place=[entry.part for entry in stuck],
-            bodies=bodies,
-            progress=lambda done, total: progress("motion", done, total),
-        )
-    failed = {entry.part: entry for entry in motions.unsolved}
-    with clock.stage("contact"):
-        moved = [name for name in order if name not in failed]
-        contacts = _contacts(assembly, bodies, moved, motions, config, rngs[1], progress)
-    steps = _steps(moved, motions, contacts)
-    unsolved = [*stuck, *failed.values()]
-    draft = _draft(assembly, motions, steps, tuple(unsolved))
-    with clock.stage("verify"):
+    level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
+    draft = _draft(assembly, level.table, level.steps, level.unsolved)
+    with planner.stage("verify"):
         report = verify_plan(draft, assembly, config=config.verify)
     progress("verify", 1, 1)
-    return _judge(found, assembly, motions, steps, tuple(unsolved), report, frozenset(failed), config)
-
-
-def _contacts(
-    assembly: Assembly,
-    bodies: Mapping[str, Body],
-    order: list[str],
-    motions: MotionResult,
-    config: PipelineConfig,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> Mapping[str, ContactChoice]:
-    if not config.contacts:
-        return {name: ContactChoice(None, "contacts were not asked for") for name in order}
-    done = iter(range(1, len(order) + 1))
-    return choose_contacts(
-        assembly,
-        order,
-        motions.motions,
-        motions.table,
-        gripper=named_gripper(config.gripper),
-        config=config.contact,
-        rng=rng,
-        bodies=bodies,
-        progress=lambda name: progress("contact", next(done), len(order)),
-    )
-
-
-def _judge(
-    found: DisassemblyResult,
-    assembly: Assembly,
-    motions: MotionResult,
-    steps: tuple[Step, ...],
-    unsolved: tuple[Unsolved, ...],
-    report: VerifyReport,
-    failed: frozenset[str],
-    config: PipelineConfig,
-) -> _Attempt:
-    """Take out what the check refuted: a step that does not hold is no step."""
-    bad = {entry.part: entry.problems for entry in report.steps if entry.problems}
-    directions = {part: separation.signed for part, separation in found.removals}
-    refused = frozenset(
-        (assembly.index(name), -1 if (signed := directions[assembly.index(name)]) is None else signed)
-        for name in {*failed, *bad}
-        if assembly.index(name) in directions
-    )
-    refuted = tuple(
-        Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=f"refuted by the check: {problems[0]}")
-        for name, problems in bad.items()
-    )
-    for entry in report.steps:
-        if not entry.ok:
-            logger.info("refuted: %s", entry.line())
+    judge = _Judge(assembly, found, config)
+    steps = judge.hold(level.steps, report.steps)
+    known = {entry.part for entry in level.unsolved}
+    unsolved = (*level.unsolved, *(entry for entry in judge.refuted if entry.part not in known))
     return _Attempt(
-        motions=motions,
-        steps=_without(_with_evidence(steps, found, assembly, report, config), frozenset(bad)),
-        unsolved=(*unsolved, *refuted),
-        refused=refused,
-        verified=not (report.problems or unsolved or refuted),
+        steps=steps,
+        table=level.table,
+        unsolved=unsolved,
+        refused=level.refused | judge.refused,
+        verified=not (report.problems or unsolved),
     )
 
 
-def _with_evidence(
-    steps: tuple[Step, ...],
-    found: DisassemblyResult,
-    assembly: Assembly,
-    report: VerifyReport,
-    config: PipelineConfig,
-) -> tuple[Step, ...]:
-    """Write down what the check measured, and take out contacts that it refuted."""
-    stages = {assembly.names[part]: separation.stage for part, separation in found.removals}
-    out = []
-    for step, entry in zip(steps, report.steps, strict=True):
-        extent = smallest_extent(assembly.part(step.part).vertices_part, assembly.part(step.part).faces)
+class _Judge:
+    """Takes out what the check refuted: a step that does not hold is no step."""
+
+    def __init__(self, assembly: Assembly, found: DisassemblyResult, config: PipelineConfig) -> None:
+        self._assembly = assembly
+        self._config = config
+        self._departures = {assembly.names[departure.part]: departure for departure in found.departures()}
+        self.refuted: list[Unsolved] = []
+        """Parts whose step was taken out."""
+        self.refused: set[Ban] = set()
+        """Their departures."""
+
+    def hold(self, steps: Sequence[Step], reports: Sequence[StepReport]) -> tuple[Step, ...]:
+        """Return the steps that hold, with what the check measured, on this level and inside subassemblies."""
+        out: list[Step] = []
+        gone: set[str] = set()
+        for step, entry in zip(steps, reports, strict=True):
+            if entry.problems or entry.contact_problems:
+                logger.info("refuted: %s", entry.line())
+            if entry.problems:
+                gone.update(step.members)
+                self._take_out(step, entry.problems[0])
+                continue
+            fixed = tuple(name for name in step.fixed if name not in gone)
+            step = replace(step, fixed=fixed, motion=self._with_evidence(step, entry))
+            if entry.contact_problems:
+                step = replace(step, contact=None, contact_reason=f"refuted by the check: {entry.contact_problems[0]}")
+            if step.subassembly is not None:
+                inner = self.hold(step.subassembly.steps, entry.inside)
+                order = tuple(each.part for each in inner)
+                step = replace(step, subassembly=replace(step.subassembly, order=order, steps=inner))
+            out.append(step)
+        return tuple(out)
+
+    def _take_out(self, step: Step, problem: str) -> None:
+        reason = f"refuted by the check: {problem}"
+        self.refuted += [
+            Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=reason) for name in step.members
+        ]
+        if step.part in self._departures:
+            self.refused.add(self._departures[step.part].ban)
+
+    def _with_evidence(self, step: Step, entry: StepReport) -> Motion:
+        part = self._assembly.part(step.part)
+        tolerance = self._config.verify.relative_tolerance * smallest_extent(part.vertices_part, part.faces)
         evidence = {
             "max_penetration": entry.max_penetration,
-            "tolerance": config.verify.relative_tolerance * extent if entry.allowed is None else entry.allowed,
+            "tolerance": tolerance if entry.allowed is None else entry.allowed,
             "against": entry.against,
         }
-        if step.part in stages:
-            evidence["removal_found_by"] = stages[step.part]
-        motion = replace(step.motion, evidence={**step.motion.evidence, **evidence})
-        step = replace(step, motion=motion)
-        if entry.contact_problems:
-            step = replace(step, contact=None, contact_reason=f"refuted by the check: {entry.contact_problems[0]}")
-        out.append(step)
-    return tuple(out)
+        # a subassembly's base has no departure of its own inside: the name's is that of the whole
+        if step.part in self._departures and len(step.motion.T_world_part) > 1:
+            evidence["removal_found_by"] = self._departures[step.part].separation.stage
+        return replace(step.motion, evidence={**step.motion.evidence, **evidence})
 
 
-def _without(steps: tuple[Step, ...], names: frozenset[str]) -> tuple[Step, ...]:
-    return tuple(
-        replace(step, fixed=tuple(name for name in step.fixed if name not in names))
-        for step in steps
-        if step.part not in names
-    )
-
-
-def _steps(order: list[str], motions: MotionResult, contacts: Mapping[str, ContactChoice]) -> tuple[Step, ...]:
-    return tuple(
-        Step(
-            part=name,
-            fixed=tuple(order[:k]),
-            motion=motions.motions[name],
-            contact=contacts[name].contact,
-            contact_reason=contacts[name].reason,
-        )
-        for k, name in enumerate(order)
-    )
-
-
-def _unsolved(assembly: Assembly, part: int, separation: Separation) -> Unsolved:
-    return Unsolved(
-        part=assembly.names[part],
-        answer=separation.answer,
-        blocked_by=names_of(assembly, separation.blocked_by),
-        reason=separation.reason,
-    )
-
-
-def _draft(
-    assembly: Assembly, motions: MotionResult, steps: tuple[Step, ...], unsolved: tuple[Unsolved, ...]
-) -> AssemblyPlan:
+def _draft(assembly: Assembly, table: Table, steps: tuple[Step, ...], unsolved: tuple[Unsolved, ...]) -> AssemblyPlan:
     return AssemblyPlan(
         status="partial" if unsolved else "complete",
         source=assembly.source or Source(path="", sha256="", unit="m"),
@@ -263,7 +198,7 @@ def _draft(
         order=tuple(step.part for step in steps),
         steps=steps,
         unsolved=unsolved,
-        table=motions.table,
+        table=table,
         overlaps=assembly.overlaps,
         identical=assembly.identical,
         notes=assembly.notes,
@@ -271,7 +206,7 @@ def _draft(
 
 
 def _plan(assembly: Assembly, attempt: _Attempt, config: PipelineConfig, seed: int, clock: _Clock) -> AssemblyPlan:
-    draft = _draft(assembly, attempt.motions, attempt.steps, attempt.unsolved)
+    draft = _draft(assembly, attempt.table, attempt.steps, attempt.unsolved)
     return replace(
         draft,
         status="complete" if attempt.verified else "partial",

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Overlap, Source, frozen_array
+from sashimono.geometry import se3
 
 
 class Answer(StrEnum):
@@ -79,15 +80,51 @@ class Contact:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """One part brought from its resting pose to its assembled pose."""
+    """One part, or a subassembly as one body, brought from its resting pose to its assembled pose."""
 
     part: str
+    """The part; of a subassembly, the one whose path and frame stand for all."""
     fixed: tuple[str, ...]
-    """Parts already placed."""
+    """Parts already placed, members of subassemblies by their own names."""
     motion: Motion
     contact: Contact | None
     contact_reason: str | None = None
     """Why there is no contact; None if there is one."""
+    moving: tuple[str, ...] = ()
+    """All parts of the subassembly, `part` included; empty for a single part."""
+    subassembly: Subassembly | None = None
+    """How it was put together before; None for a single part."""
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """All parts that this step brings."""
+        return self.moving or (self.part,)
+
+    def member_poses(
+        self, name: str, assembled: Mapping[str, Float[np.ndarray, "4 4"]]
+    ) -> Float[np.ndarray, "pose 4 4"]:
+        """Return the poses of one member along the path, given the assembled pose of every part.
+
+        All members undergo the same displacements, so that a geodesic of one is a geodesic of all.
+        """
+        poses = self.motion.T_world_part
+        if name == self.part:
+            return poses
+        return poses @ se3.inverse(assembled[self.part]) @ assembled[name]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Subassembly:
+    """How several parts are put together before they move as one: a little plan in the same world frame.
+
+    Its last poses are the parts' assembled poses in the finished product; its table is its own.
+    """
+
+    order: tuple[str, ...]
+    """Assembly order, base part first."""
+    steps: tuple[Step, ...]
+    """One for each name in ``order``."""
+    table: Table | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +158,7 @@ class AssemblyPlan:
     parts: Mapping[str, Float[np.ndarray, "4 4"]]
     """Assembled pose ``T_world_part`` of each part."""
     order: tuple[str, ...]
-    """Assembly order, base part first."""
+    """Assembly order, base part first; a subassembly by the name of one of its parts."""
     steps: tuple[Step, ...]
     """One for each name in ``order``."""
     unsolved: tuple[Unsolved, ...] = ()
@@ -135,3 +172,16 @@ class AssemblyPlan:
     """Package version that made the plan."""
     timings: Mapping[str, float] = field(default_factory=dict)
     """Seconds by stage; the only fields that differ between two runs with the same seed."""
+
+    @property
+    def placed(self) -> tuple[str, ...]:
+        """Parts that have a step of their own, inside subassemblies too, in the order in which they are placed."""
+        return placed_parts(self.steps)
+
+
+def placed_parts(steps: tuple[Step, ...]) -> tuple[str, ...]:
+    """Return the parts that these steps place one by one: those of a subassembly by the steps inside it."""
+    names: list[str] = []
+    for step in steps:
+        names += (step.part,) if step.subassembly is None else placed_parts(step.subassembly.steps)
+    return tuple(names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,7 @@ from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import minimal
 from sashimono.disassembly.obstruction import Obstruction, ObstructionConfig, find_obstruction
 from sashimono.disassembly.separate import Cascade
-from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence import DisassemblyResult, SequenceConfig, find_disassembly
 from sashimono.plan import Answer
 
 
@@ -142,13 +142,24 @@ def explain_stuck(
     """
     assembly = cascade.assembly
     if fixed is None:
-        apart = find_disassembly(cascade, config=SequenceConfig())
-        if not apart.stuck:
-            return ()
-        gone = {part for part, _ in apart.removals}
-        fixed = [name for k, name in enumerate(assembly.names) if k not in gone]
-    found = (explain_part(cascade, name, fixed, config=config) for name in assembly.names if name in set(fixed))
+        knots = list(_knots(find_disassembly(cascade, config=SequenceConfig())))
+    else:
+        knots = [{assembly.index(name) for name in fixed}]
+    found = (
+        explain_part(cascade, assembly.names[part], [assembly.names[k] for k in sorted(knot)], config=config)
+        for knot in knots
+        for part in sorted(knot)
+    )
     return tuple(entry for entry in found if entry.answer is not Answer.FREE)
+
+
+def _knots(apart: DisassemblyResult) -> Iterator[set[int]]:
+    """Yield the parts that hang together in the end, and those of each subassembly that does not come apart."""
+    if apart.stuck:
+        yield {apart.base, *(part for part, _ in apart.stuck)}
+    for departure in apart.removals:
+        if departure.inside is not None:
+            yield from _knots(departure.inside)
 
 
 def _telling_directions(

@@ -78,7 +78,7 @@ class Cascade:
         table = self.blocking
         order = sorted(range(table.count_signed), key=lambda s: (-round(preference(table.direction(s)), 6), s))
         for signed in order:
-            if (part, signed) not in banned and table.is_free(part, signed, others):
+            if (1 << part, signed) not in banned and table.is_free(part, signed, others):
                 return self._straight(part, others, table.direction(signed), signed=signed, stage="blocking")
         return None
 

@@ -2,12 +2,13 @@
 
 Removal is monotone (fewer parts never block more), so no removal is ever undone: as long as some
 part can leave, taking it is right. What is left to choose is taste: small parts first, upwards,
-in runs of the same direction, and so that what remains hangs together.
+in runs of the same direction, and so that what remains hangs together. Where no part leaves alone,
+a subassembly leaves as one body, and is taken apart by itself: the result is a tree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,12 @@ from jaxtyping import Float
 
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.separate import Cascade, Separation
+from sashimono.disassembly.subassembly import find_subassembly
 from sashimono.plan import Answer
 
 Ban = tuple[int, int]
-"""A part and a signed direction (-1: any motion that is not one of them) that later levels refused."""
+"""Parts that leave together (a mask) and a signed direction (-1: any motion that is not one of them) that
+later levels refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,29 +41,69 @@ class SequenceConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Departure:
+    """One part, or several that move as one body, leaving those that remain."""
+
+    part: int
+    """The part, or the one of them that stays when they are taken apart; its name stands for all."""
+    members: int
+    """Mask of all that move."""
+    separation: Separation
+    """With the witness."""
+    inside: DisassemblyResult | None = None
+    """How a subassembly comes apart by itself; None for a single part."""
+
+    @property
+    def ban(self) -> Ban:
+        """What is to be refused if this departure does not hold."""
+        return (self.members, -1 if self.separation.signed is None else self.separation.signed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class DisassemblyResult:
     """How far the parts came apart."""
 
     base: int
     """The part that stays."""
-    removals: tuple[tuple[int, Separation], ...]
-    """Parts in the order in which they leave, each with its witness."""
+    removals: tuple[Departure, ...]
+    """What leaves, in order."""
     stuck: tuple[tuple[int, Separation], ...]
-    """Parts that could not leave, the base aside, each with what is known."""
+    """Parts that could not leave, the base and what is inside subassemblies aside, each with what is known."""
+
+    def departures(self) -> Iterator[Departure]:
+        """Yield every departure, those inside subassemblies included."""
+        for departure in self.removals:
+            yield departure
+            if departure.inside is not None:
+                yield from departure.inside.departures()
 
 
 def find_disassembly(
     cascade: Cascade,
     *,
     config: SequenceConfig,
+    start: int | None = None,
     banned: frozenset[Ban] = frozenset(),
     progress: Callable[[int], None] = lambda removed: None,
 ) -> DisassemblyResult:
-    """Return an order in which the parts leave, as far as the cascade finds one."""
-    chooser = _Chooser(cascade, config, banned)
-    remaining = cascade.blocking.all_parts
+    """Return an order in which the parts leave, as far as the cascade finds one.
+
+    Args:
+        cascade: What is asked whether a part can leave.
+        config: Taste.
+        start: Mask of the parts that are there; all if None.
+        banned: Departures that are not to be taken.
+        progress: Called with the number of parts that have left so far.
+    """
+    return _disassemble(
+        _Chooser(cascade, config, banned), cascade.blocking.all_parts if start is None else start, progress
+    )
+
+
+def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None]) -> DisassemblyResult:
+    remaining = start
     protected = chooser.base_among(remaining)
-    removals: list[tuple[int, Separation]] = []
+    removals: list[Departure] = []
     stuck: list[tuple[int, Separation]] = []
     last: Float[np.ndarray, "3"] | None = None
     while remaining & (remaining - 1):
@@ -72,14 +115,17 @@ def find_disassembly(
         if choice is None:
             choice, stuck = chooser.next_further(remaining, protected)
         if choice is None:
+            choice = chooser.next_subassembly(remaining, protected)
+        if choice is None:
             break
-        part, separation = choice
+        stuck = []
         removals.append(choice)
-        remaining &= ~(1 << part)
-        last = None if separation.removal is None else separation.removal.exit_direction
-        progress(len(removals))
+        remaining &= ~choice.members
+        removal = choice.separation.removal
+        last = None if removal is None else removal.exit_direction
+        progress(start.bit_count() - remaining.bit_count())
     if not remaining & (remaining - 1):
-        stuck, protected = [], bits(remaining)[0]
+        protected = bits(remaining)[0]
     return DisassemblyResult(
         base=protected,
         removals=tuple(removals),
@@ -128,9 +174,7 @@ class _Chooser:
         worth = self.preference(None)
         return self.cascade.single(part, remaining, preference=worth, banned=self.banned) is not None
 
-    def next_single(
-        self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None
-    ) -> tuple[int, Separation] | None:
+    def next_single(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
         """The best part that one translation frees; the maps rank, tracing decides."""
         table, worth = self.cascade.blocking, self.preference(last)
         worths = [worth(table.direction(signed)) for signed in range(table.count_signed)]
@@ -140,7 +184,7 @@ class _Chooser:
             free = [
                 s
                 for s in range(table.count_signed)
-                if (part, s) not in self.banned and not table.masks(part, s)[0] & others
+                if (1 << part, s) not in self.banned and not table.masks(part, s)[0] & others
             ]
             if free:
                 score = max(worths[s] for s in free) + self.config.small_first * self.smallness[part]
@@ -149,20 +193,35 @@ class _Chooser:
         for _, part in sorted(ranked):
             separation = self.cascade.single(part, remaining, preference=worth, banned=self.banned)
             if separation is not None:
-                return part, separation
+                return Departure(part=part, members=1 << part, separation=separation)
         return None
 
-    def next_further(
-        self, remaining: int, protected: int
-    ) -> tuple[tuple[int, Separation] | None, list[tuple[int, Separation]]]:
+    def next_further(self, remaining: int, protected: int) -> tuple[Departure | None, list[tuple[int, Separation]]]:
         """A part that the later stages free, the protected one last; else what they say of every part."""
         said = []
         parts = sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k))
         for part in parts:
-            if (part, -1) in self.banned:
+            if (1 << part, -1) in self.banned:
                 continue
             separation = self.cascade.further(part, remaining)
             if separation.answer is Answer.FREE:
-                return (part, separation), []
+                return Departure(part=part, members=1 << part, separation=separation), []
             said.append((part, separation))
         return None, said
+
+    def next_subassembly(self, remaining: int, protected: int) -> Departure | None:
+        """The best set of parts that leaves as one body, with how it comes apart by itself."""
+        table = self.cascade.blocking
+        found = find_subassembly(
+            table,
+            remaining,
+            stays=protected,
+            worth=self.preference(None),
+            connected=self.connected,
+            banned=self.banned,
+        )
+        if found is None:
+            return None
+        inside = _disassemble(self, found.members, lambda removed: None)
+        separation = Separation(answer=Answer.FREE, removal=found.removal, signed=found.signed, stage="subassembly")
+        return Departure(part=inside.base, members=found.members, separation=separation, inside=inside)

@@ -15,7 +15,7 @@ import numpy as np
 from sashimono.assembly import Overlap, Source
 from sashimono.errors import PlanFormatError
 from sashimono.io.plan_schema import first_violation
-from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Table, Unsolved
+from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Subassembly, Table, Unsolved
 
 FORMAT = "sashimono.plan"
 VERSION = 1
@@ -73,9 +73,6 @@ def plan_from_json(text: str) -> AssemblyPlan:
         raise PlanFormatError(f"not JSON: {error}") from error
     if violation := first_violation(document):
         raise PlanFormatError(violation)
-    for k, step in enumerate(document["steps"]):
-        if "moving" in step or "subassembly" in step:
-            raise PlanFormatError(f"$.steps[{k}]: moves a group of parts, which this version does not support")
     return _plan(document)
 
 
@@ -84,7 +81,6 @@ def _refuse_constant(name: str) -> float:
 
 
 def _document(plan: AssemblyPlan) -> dict[str, Any]:
-    table = plan.table
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -92,7 +88,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         "unit": "m",
         "source": {"path": plan.source.path, "sha256": plan.source.sha256, "unit": plan.source.unit},
         "interpolation": "geodesic",
-        "table": None if table is None else {"normal": table.normal, "offset": table.offset},
+        "table": _table_document(plan.table),
         "parts": [{"name": name, "T_world_part": T} for name, T in plan.parts.items()],
         "order": plan.order,
         "steps": [_step_document(step) for step in plan.steps],
@@ -114,7 +110,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
 
 def _step_document(step: Step) -> dict[str, Any]:
     segments = [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in step.motion.segments]
-    return {
+    out: dict[str, Any] = {
         "part": step.part,
         "fixed": step.fixed,
         "path": {"T_world_part": step.motion.T_world_part, "segments": segments},
@@ -122,6 +118,20 @@ def _step_document(step: Step) -> dict[str, Any]:
         "contact_reason": step.contact_reason,
         "evidence": step.motion.evidence,
     }
+    if step.moving:
+        out["moving"] = step.moving
+    if step.subassembly is not None:
+        inside = step.subassembly
+        out["subassembly"] = {
+            "order": inside.order,
+            "table": _table_document(inside.table),
+            "steps": [_step_document(inner) for inner in inside.steps],
+        }
+    return out
+
+
+def _table_document(table: Table | None) -> dict[str, Any] | None:
+    return None if table is None else {"normal": table.normal, "offset": table.offset}
 
 
 def _contact_document(contact: Contact) -> dict[str, Any]:
@@ -192,7 +202,6 @@ def _is_matrix(value: list[Any]) -> bool:
 
 
 def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
-    table = document["table"]
     source = document["source"]
     return AssemblyPlan(
         status=document["status"],
@@ -206,7 +215,7 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
                 part=u["part"], answer=Answer(u["answer"]), blocked_by=tuple(u["blocked_by"]), reason=u["reason"]
             ),
         ),
-        table=None if table is None else Table(normal=np.array(table["normal"]), offset=float(table["offset"])),
+        table=_table(document["table"]),
         overlaps=_each(
             document.get("overlaps", ()),
             lambda o: Overlap(first=o["first"], second=o["second"], volume=o["volume"], fraction=o["fraction"]),
@@ -236,7 +245,21 @@ def _step(step: Mapping[str, Any]) -> Step:
         ),
         contact=None if contact is None else _contact(contact),
         contact_reason=step.get("contact_reason"),
+        moving=tuple(step.get("moving", ())),
+        subassembly=_subassembly(step["subassembly"]) if step.get("subassembly") is not None else None,
     )
+
+
+def _subassembly(inside: Mapping[str, Any]) -> Subassembly:
+    return Subassembly(
+        order=tuple(inside["order"]),
+        steps=tuple(_step(step) for step in inside["steps"]),
+        table=_table(inside["table"]),
+    )
+
+
+def _table(table: Mapping[str, Any] | None) -> Table | None:
+    return None if table is None else Table(normal=np.array(table["normal"]), offset=float(table["offset"]))
 
 
 def _contact(contact: Mapping[str, Any]) -> Contact:

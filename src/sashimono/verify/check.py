@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sashimono.assembly import Assembly
 from sashimono.errors import InputError
+from sashimono.geometry import se3
 from sashimono.io.plan_json import read_plan
 from sashimono.io.read import read_assembly
-from sashimono.plan import AssemblyPlan, Step
+from sashimono.plan import AssemblyPlan, Step, Table
 from sashimono.verify.body import Body
+from sashimono.verify.compound import Compound
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.grasp import Surroundings, contact_problems
 from sashimono.verify.overlap import AssembledOverlaps
 from sashimono.verify.pairs import PairFinding, check_pair, check_table, pair_tolerance
 from sashimono.verify.report import StepReport, VerifyReport
 from sashimono.verify.resting import resting_problems
-from sashimono.verify.structure import plan_problems, step_problems
+from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
 from sashimono.verify.sweep import HalfSpace, Screws
 
 
@@ -26,7 +29,9 @@ def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
 
     Returns what was found: the form of the plan and that it speaks of this assembly; for each step that the part
     rests on the table at first, touches nothing along its path (placed parts, table, parts still resting) deeper than
-    in the assembled pose plus the tolerance, and can be held as stated. Raises nothing: a bad plan is a finding.
+    in the assembled pose plus the tolerance, and can be held as stated. Parts that move as one are looked at one by
+    one along the common motion, and what put them together is checked likewise, as a little plan of its own.
+    Raises nothing: a bad plan is a finding.
     """
     config = config or VerifyConfig()
     problems, notes = plan_problems(plan, assembly, config)
@@ -35,24 +40,21 @@ def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
     }
     flat = [name for name, body in bodies.items() if body.volume <= 0.0]
     problems += [f"{name!r} is not a closed, outward surface: it cannot be checked" for name in flat]
-    if problems:
-        steps = tuple(_form_only(k, step, plan, assembly, config) for k, step in enumerate(plan.steps))
-        return VerifyReport(
-            problems=tuple(problems),
-            steps=steps,
-            notes=(*notes, "motions were not checked"),
-            complete=plan.status == "complete",
-        )
     poses = {part.name: part.T_world_part for part in assembly.parts}
-    overlaps = AssembledOverlaps(bodies, poses)
-    forms = [step_problems(step, plan.order[:k], assembly, config) for k, step in enumerate(plan.steps)]
-    steps = tuple(
-        _check_step(k, plan, forms, bodies, overlaps, config)
-        if not forms[k]
-        else StepReport(index=k, part=step.part, problems=tuple(forms[k]))
-        for k, step in enumerate(plan.steps)
+    site = _Site(
+        assembly=assembly,
+        bodies=bodies,
+        overlaps=AssembledOverlaps(bodies, poses),
+        unsolved=frozenset(item.part for item in plan.unsolved),
+        config=config,
     )
-    return VerifyReport(problems=(), steps=steps, notes=tuple(notes), complete=plan.status == "complete")
+    complete = plan.status == "complete"
+    if problems:
+        notes = [*notes, "motions were not checked"]
+        steps = _forms_only(plan.steps, site)
+    else:
+        steps = _check_level(plan.steps, plan.table, site)
+    return VerifyReport(problems=tuple(problems), steps=steps, notes=tuple(notes), complete=complete)
 
 
 def verify_file(
@@ -83,32 +85,78 @@ def _matching(assemblies: Iterator[Assembly], sha256: str) -> Assembly:
     return next(others, first)
 
 
-def _form_only(index: int, step: Step, plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> StepReport:
-    problems = step_problems(step, plan.order[:index], assembly, config)
-    return StepReport(index=index, part=step.part, problems=tuple(problems), notes=("motion not checked",))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Site:
+    """What all steps share."""
+
+    assembly: Assembly
+    bodies: dict[str, Body]
+    overlaps: AssembledOverlaps
+    unsolved: frozenset[str]
+    config: VerifyConfig
+
+    def forms(self, steps: Sequence[Step]) -> list[list[str]]:
+        """What is wrong with the form of each of these steps, which follow one another."""
+        out, placed = [], []
+        for step in steps:
+            out.append(step_problems(step, placed, self.assembly, self.unsolved, self.config))
+            placed += members(step)
+        return out
+
+    def compound(self, step: Step) -> Body:
+        """What moves in a step, in the frame of its part."""
+        if not step.moving:
+            return self.bodies[step.part]
+        T_part_world = se3.inverse(self.overlaps.poses[step.part])
+        parts = [(self.bodies[name], T_part_world @ self.overlaps.poses[name]) for name in step.moving]
+        return Compound(step.part, parts, samples=self.config.samples)
 
 
-def _check_step(
-    index: int,
-    plan: AssemblyPlan,
-    forms: list[list[str]],
-    bodies: dict[str, Body],
-    overlaps: AssembledOverlaps,
-    config: VerifyConfig,
-) -> StepReport:
-    """Check one step whose form is sound."""
-    step = plan.steps[index]
-    body, poses = bodies[step.part], step.motion.T_world_part
+def _forms_only(steps: Sequence[Step], site: _Site) -> tuple[StepReport, ...]:
+    return tuple(
+        StepReport(
+            index=k,
+            part=step.part,
+            problems=tuple(form),
+            notes=("motion not checked",),
+            inside=() if step.subassembly is None else _forms_only(step.subassembly.steps, site),
+        )
+        for k, (step, form) in enumerate(zip(steps, site.forms(steps), strict=True))
+    )
+
+
+def _check_level(steps: Sequence[Step], table: Table | None, site: _Site) -> tuple[StepReport, ...]:
+    """Check steps that follow one another: those of the plan, or those by which one subassembly is put together."""
+    forms = site.forms(steps)
+    reports = []
+    for k, step in enumerate(steps):
+        inside = ()
+        if step.subassembly is not None:
+            below = step.subassembly
+            inside = _forms_only(below.steps, site) if forms[k] else _check_level(below.steps, below.table, site)
+        if forms[k]:
+            reports.append(StepReport(index=k, part=step.part, problems=tuple(forms[k]), inside=inside))
+            continue
+        later = [other for other, form in zip(steps[k + 1 :], forms[k + 1 :], strict=True) if not form]
+        reports.append(replace(_check_step(k, step, later, table, site), inside=inside))
+    return tuple(reports)
+
+
+def _check_step(index: int, step: Step, later: Sequence[Step], table: Table | None, site: _Site) -> StepReport:
+    """Check one step whose form is sound, with what follows it."""
+    body, config = site.compound(step), site.config
     problems, contact_wrong, notes = [], [], []
-    if plan.table is not None and index > 0:
-        problems += resting_problems(body, poses[0], plan.table, config)
-    findings = _pair_findings(index, plan, forms, bodies, overlaps, config)
-    problems += [finding.problem for finding in findings if finding.problem]
+    if table is not None and index > 0:
+        problems += resting_problems(body, step.motion.T_world_part[0], table, config)
+    findings = []
+    for name in members(step):
+        found = _pair_findings(step, name, later, table, site)
+        whose = f"{name} " if step.moving else ""
+        problems += [f"{whose}{finding.problem}" for finding in found if finding.problem]
+        findings += found
     notes += [note for finding in findings for note in finding.notes]
     if step.contact is not None:
-        contact_wrong, remarks = contact_problems(
-            step, body, _surroundings(index, plan, forms, bodies, overlaps), config
-        )
+        contact_wrong, remarks = contact_problems(step, body, _surroundings(step, later, table, site), config)
         notes += remarks
     elif index > 0:
         notes.append(f"no contact: {step.contact_reason or 'no reason given'}")
@@ -128,57 +176,49 @@ def _check_step(
     )
 
 
-def _surroundings(
-    index: int, plan: AssemblyPlan, forms: list[list[str]], bodies: dict[str, Body], overlaps: AssembledOverlaps
-) -> Surroundings:
+def _surroundings(step: Step, later: Sequence[Step], table: Table | None, site: _Site) -> Surroundings:
     """Placed parts where they are assembled, later ones where they rest, the table."""
-    around = {name: (bodies[name], overlaps.poses[name]) for name in plan.steps[index].fixed}
-    for later, form in zip(plan.steps[index + 1 :], forms[index + 1 :], strict=True):
-        if not form:
-            around[later.part] = (bodies[later.part], later.motion.T_world_part[0])
-    table = None if plan.table is None else HalfSpace(normal=plan.table.normal, offset=plan.table.offset)
-    return Surroundings(bodies=around, table=table)
+    around = {name: (site.bodies[name], site.overlaps.poses[name]) for name in step.fixed}
+    for waiting in later:
+        for name in members(waiting):
+            around[name] = (site.bodies[name], member_poses(waiting, name, site.assembly)[0])
+    plane = None if table is None else HalfSpace(normal=table.normal, offset=table.offset)
+    return Surroundings(bodies=around, table=plane)
 
 
 def _pair_findings(
-    index: int,
-    plan: AssemblyPlan,
-    forms: list[list[str]],
-    bodies: dict[str, Body],
-    overlaps: AssembledOverlaps,
-    config: VerifyConfig,
+    step: Step, moving: str, later: Sequence[Step], table: Table | None, site: _Site
 ) -> list[PairFinding]:
-    """Move the part past everything that is there: placed parts, the table, parts still resting."""
-    step = plan.steps[index]
-    body, path = bodies[step.part], Screws.between(step.motion.T_world_part)
+    """Move one part past everything that is there: placed parts, parts still resting, the table."""
+    body, config = site.bodies[moving], site.config
+    path = Screws.between(member_poses(step, moving, site.assembly))
     findings = []
     for name in step.fixed:
         findings.append(
             check_pair(
                 body,
-                bodies[name],
+                site.bodies[name],
                 path,
-                overlaps.poses[name],
-                allowance=lambda name=name: overlaps.depth(step.part, name),
-                tolerance=pair_tolerance(body, bodies[name], config),
+                site.overlaps.poses[name],
+                allowance=lambda name=name: site.overlaps.depth(moving, name),
+                tolerance=pair_tolerance(body, site.bodies[name], config),
                 config=config,
             )
         )
-    for later, form in zip(plan.steps[index + 1 :], forms[index + 1 :], strict=True):
-        if form:
-            continue
-        other = bodies[later.part]
-        found = check_pair(
-            body,
-            other,
-            path,
-            later.motion.T_world_part[0],
-            allowance=lambda: 0.0,
-            tolerance=pair_tolerance(body, other, config),
-            config=config,
-        )
-        findings.append(found)
-    if plan.table is not None:
-        table = HalfSpace(normal=plan.table.normal, offset=plan.table.offset)
-        findings.append(check_table(body, table, path, config=config))
+    for waiting in later:
+        for name in members(waiting):
+            other = site.bodies[name]
+            found = check_pair(
+                body,
+                other,
+                path,
+                member_poses(waiting, name, site.assembly)[0],
+                allowance=lambda: 0.0,
+                tolerance=pair_tolerance(body, other, config),
+                config=config,
+            )
+            findings.append(found)
+    if table is not None:
+        plane = HalfSpace(normal=table.normal, offset=table.offset)
+        findings.append(check_table(body, plane, path, config=config))
     return findings

@@ -193,7 +193,7 @@ def _finger_problems(
     closed = _gripper_boxes(gripper, span, config)
     ways = [("on its way", closed, motion.T_world_part @ T_part_gripper)]
     retreat, opened = contact.details.get("retreat"), gripper.get("opened")
-    if _is_length(retreat) and _is_length(opened):
+    if retreat is not None and opened is not None and _is_length(retreat) and _is_length(opened):
         away = se3.make(None, np.array([0.0, 0.0, -float(retreat)]))
         wide = _gripper_boxes(gripper, max(span, float(opened)), config)
         for when, T in (("at pick-up", motion.T_world_part[0]), ("at release", motion.T_world_part[-1])):

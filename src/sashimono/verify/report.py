@@ -28,17 +28,28 @@ class StepReport:
     """Where on the path: pose index, fractions between two poses."""
     queries: int = 0
     """Distance queries that the step took."""
+    inside: tuple[StepReport, ...] = ()
+    """What was found in the steps by which a subassembly was put together."""
 
     @property
     def ok(self) -> bool:
-        """Whether nothing was found wrong."""
-        return not self.problems and not self.contact_problems
+        """Whether nothing was found wrong, inside a subassembly either."""
+        return not self.problems and not self.contact_problems and all(step.ok for step in self.inside)
+
+    def all_steps(self) -> list[StepReport]:
+        """Return this step and those inside it."""
+        return [self, *(deeper for step in self.inside for deeper in step.all_steps())]
+
+    def lines(self) -> list[str]:
+        """Return one readable line for the step, and one indented for each inside it."""
+        return [self.line(), *(f"    {line}" for step in self.inside for line in step.lines())]
 
     def line(self) -> str:
         """Return one readable line."""
-        head = f"{'ok ' if self.ok else 'BAD'} {self.index + 1:3d} {self.part}"
-        if not self.ok:
-            return f"{head}: {'; '.join(self.problems + self.contact_problems)}"
+        wrong = self.problems + self.contact_problems
+        head = f"{'BAD' if wrong else 'ok '} {self.index + 1:3d} {self.part}"
+        if wrong:
+            return f"{head}: {'; '.join(wrong)}"
         if self.against is None:
             return f"{head}: touches nothing on its way"
         depth, allowed = self.max_penetration * 1e3, (self.allowed or 0.0) * 1e3
@@ -63,17 +74,16 @@ class VerifyReport:
 
     def lines(self) -> list[str]:
         """Return one readable line a step, after one for each problem of the whole plan, and a verdict."""
-        bad = sum(not step.ok for step in self.steps)
+        steps = [deeper for step in self.steps for deeper in step.all_steps()]
+        bad = sum(bool(step.problems or step.contact_problems) for step in steps)
         if self.ok:
-            verdict = f"verified: {len(self.steps)} steps hold"
+            verdict = f"verified: {len(steps)} steps hold"
             verdict += "" if self.complete else "; the plan is partial: not every part has a step"
         else:
-            verdict = (
-                f"refuted: {bad} of {len(self.steps)} steps do not hold, {len(self.problems)} problems of the plan"
-            )
+            verdict = f"refuted: {bad} of {len(steps)} steps do not hold, {len(self.problems)} problems of the plan"
         return [
             *(f"BAD plan: {problem}" for problem in self.problems),
             *(f"note: {note}" for note in self.notes),
-            *(step.line() for step in self.steps),
+            *(line for step in self.steps for line in step.lines()),
             verdict,
         ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection, Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from sashimono.assembly import Assembly
 from sashimono.geometry import se3
-from sashimono.plan import AssemblyPlan, Motion, Step
+from sashimono.plan import AssemblyPlan, Motion, Step, Table
 from sashimono.verify.config import VerifyConfig
 
 
@@ -21,15 +23,25 @@ def plan_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) 
         problems.append("the geometry is not the one that was planned: its sha256 differs from source.sha256")
     problems += _part_problems(plan, assembly, config)
     problems += _order_problems(plan, assembly)
-    if plan.table is not None:
-        normal = plan.table.normal
-        if normal.shape != (3,) or not np.isfinite(normal).all() or abs(np.linalg.norm(normal) - 1.0) > 1e-6:
-            problems.append("table.normal is not a unit vector")
-        if not np.isfinite(plan.table.offset):
-            problems.append("table.offset is not a finite number")
-    else:
+    problems += _table_problems(plan.table)
+    if plan.table is None:
         notes.append("the plan has no table: resting poses are not checked for stability")
     return problems, notes
+
+
+def _table_problems(table: Table | None) -> list[str]:
+    if table is None:
+        return []
+    problems = []
+    if (
+        table.normal.shape != (3,)
+        or not np.isfinite(table.normal).all()
+        or abs(np.linalg.norm(table.normal) - 1) > 1e-6
+    ):
+        problems.append("table.normal is not a unit vector")
+    if not np.isfinite(table.offset):
+        problems.append("table.offset is not a finite number")
+    return problems
 
 
 def _part_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> list[str]:
@@ -53,8 +65,10 @@ def _order_problems(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     ]
     if tuple(step.part for step in plan.steps) != tuple(plan.order):
         problems.append("the steps do not follow the order")
+    placed = Counter(name for step in plan.steps for name in _placed(step))
+    problems += [f"{name!r} is placed more than once" for name, n in placed.items() if n > 1]
     unsolved = {item.part for item in plan.unsolved}
-    absent = [name for name in assembly.names if name not in plan.order]
+    absent = [name for name in assembly.names if name not in placed]
     if plan.status == "complete":
         problems += [f"called complete, but {name!r} has no step" for name in absent]
         problems += [f"called complete, but {name!r} is listed as unsolved" for name in sorted(unsolved)]
@@ -65,19 +79,74 @@ def _order_problems(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     return problems
 
 
-def step_problems(step: Step, placed: tuple[str, ...], assembly: Assembly, config: VerifyConfig) -> list[str]:
-    """Return what is wrong with the form of one step; its geometry can be looked at only if nothing is."""
-    if step.part not in assembly.names:
-        return [f"{step.part!r} is not in the assembly"]
-    problems = []
+def _placed(step: Step) -> list[str]:
+    """Every part that a step of its own puts in its place, inside a subassembly too."""
+    if step.subassembly is None:
+        return [step.part]
+    return [name for inner in step.subassembly.steps for name in _placed(inner)]
+
+
+def members(step: Step) -> tuple[str, ...]:
+    """Return the parts that move in a step."""
+    return step.moving if step.moving else (step.part,)
+
+
+def member_poses(step: Step, name: str, assembly: Assembly) -> Float[np.ndarray, "pose 4 4"]:
+    """Return one member's poses: it undergoes the same displacements as the part whose path is stated."""
+    path = step.motion.T_world_part
+    if name == step.part:
+        return path
+    back = se3.inverse(assembly.part(step.part).T_world_part)
+    return np.array([T @ back @ assembly.part(name).T_world_part for T in path])
+
+
+def step_problems(
+    step: Step, placed: Sequence[str], assembly: Assembly, unsolved: Collection[str], config: VerifyConfig
+) -> list[str]:
+    """Return what is wrong with the form of one step; its geometry can be looked at only if nothing is.
+
+    ``placed``: the parts placed before it. ``unsolved``: the parts that the plan admits not to have placed.
+    """
+    if foreign := [name for name in (step.part, *step.moving) if name not in assembly.names]:
+        return [f"{foreign[0]!r} is not in the assembly"]
+    problems = [f"{name!r} is in place already" for name in members(step) if name in placed]
     if len(set(step.fixed)) != len(step.fixed) or set(step.fixed) != set(placed):
         problems.append(f"fixed is {list(step.fixed)}, but placed before are {list(placed)}")
+    problems += _group_problems(step, bool(placed), unsolved)
     problems += _path_problems(step.motion, bool(placed), config)
     if not problems:
-        part = assembly.part(step.part)
-        if not same_pose(step.motion.T_world_part[-1], part.T_world_part, part.vertices_part, config):
-            problems.append("the path does not end in the assembled pose")
+        for name in members(step):
+            part = assembly.part(name)
+            if not same_pose(member_poses(step, name, assembly)[-1], part.T_world_part, part.vertices_part, config):
+                problems.append(f"the path does not end in the assembled pose{f' of {name!r}' if step.moving else ''}")
     return problems
+
+
+def _group_problems(step: Step, moves: bool, unsolved: Collection[str]) -> list[str]:
+    """What is wrong with the parts that move together and with how they are said to have come together."""
+    inside = step.subassembly
+    if not step.moving and inside is None:
+        return []
+    if not moves:
+        return ["the base must be a single part"]
+    problems = [f"{name!r} moves twice" for name, n in Counter(step.moving).items() if n > 1]
+    if step.part not in step.moving:
+        problems.append(f"moves {list(step.moving)}, but its path is that of {step.part!r}")
+    if inside is None:
+        return [*problems, f"moves {len(step.moving)} parts, but does not say how they were put together"]
+    if tuple(inner.part for inner in inside.steps) != tuple(inside.order):
+        problems.append("the steps inside the subassembly do not follow its order")
+    brought = {name for inner in inside.steps for name in members(inner)}
+    placed = {name for inner in inside.steps for name in _placed(inner)}
+    problems += [
+        f"{name!r} is put into the subassembly, but does not move with it" for name in brought - {*step.moving}
+    ]
+    problems += [
+        f"{name!r} moves with the subassembly, but is not put into it"
+        for name in step.moving
+        if name not in placed and name not in unsolved
+    ]
+    return sorted(problems) + _table_problems(inside.table)
 
 
 def _path_problems(motion: Motion, moves: bool, config: VerifyConfig) -> list[str]:

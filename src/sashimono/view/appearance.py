@@ -20,7 +20,7 @@ def part_colors(plan: AssemblyPlan, assembly: Assembly) -> dict[str, str]:
     class_of = {name: names[0] for names in assembly.identical for name in names}
     colors: dict[str, str] = {}
     by_class: dict[str, str] = {}
-    for k, name in enumerate(plan.order):
+    for k, name in enumerate(plan.placed):
         kind = class_of.get(name, name)
         if k == 0:
             colors[name] = BASE_COLOR

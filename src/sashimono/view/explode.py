@@ -38,25 +38,33 @@ def _clearing_travel(
     return float(leave[meets].max()) if meets.any() else 0.0
 
 
+def _common(boxes: list[Float[np.ndarray, "2 3"]]) -> Float[np.ndarray, "2 3"]:
+    corners = np.array(boxes)
+    return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+
+
 def explosion_offsets(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> dict[str, Float[np.ndarray, "3"]]:
-    """Return how far each part is displaced in the full exploded view [m]; zero for the base and unsolved parts."""
+    """Return how far each part is displaced in the full exploded view [m]; zero for the base and unsolved parts.
+
+    The parts of a subassembly stay together.
+    """
     boxes = {part.name: bounds_at(part, plan.parts[part.name]) for part in assembly.parts}
     corners = np.concatenate(list(boxes.values()))
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     gap = config.explode_gap * float(np.linalg.norm(upper - lower))
     offsets = {part.name: np.zeros(3) for part in assembly.parts}
-    moved = {step.part for step in plan.steps if len(step.motion.T_world_part) > 1}
+    moved = {name for step in plan.steps if len(step.motion.T_world_part) > 1 for name in step.members}
     placed = [boxes[name] for name in assembly.names if name not in moved]
     for step in plan.steps:
         if step.part not in moved:
             continue
-        box = boxes[step.part]
+        box = _common([boxes[name] for name in step.members])
         direction = _withdrawal(step, box.mean(axis=0) - 0.5 * (lower + upper))
         if placed:
             # a gap is kept along the way only: neighbours side by side in a pattern stay on one level
             along = gap * np.abs(direction)
             others = np.array(placed) + np.array([-along, along])
             shrunk = box + np.array([[1.0], [-1.0]]) * 0.01 * (box[1] - box[0])
-            offsets[step.part] = direction * _clearing_travel(shrunk, direction, others)
+            offsets |= dict.fromkeys(step.members, direction * _clearing_travel(shrunk, direction, others))
         placed.append(box + offsets[step.part])
     return offsets

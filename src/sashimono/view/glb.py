@@ -112,7 +112,7 @@ def render_glb(plan: AssemblyPlan, assembly: Assembly, *, config: ViewConfig | N
     timeline = make_timeline(plan, assembly, config)
     max_deviation = config.max_deviation * scene_diagonal(plan, assembly)
     colors = part_colors(plan, assembly)
-    solved = {step.part for step in plan.steps}
+    solved = set(plan.placed)
     document = _Document()
     primitives = [_add_shape(document, mesh) for mesh in shapes.meshes]
     palette = sorted({(colors[name], name in solved) for name in assembly.names})
@@ -141,9 +141,10 @@ def render_glb(plan: AssemblyPlan, assembly: Assembly, *, config: ViewConfig | N
 
     animation: dict[str, Any] = {"name": "assembly", "channels": [], "samplers": []}
     for step, timing in zip(plan.steps, timeline.steps, strict=True):
-        if len(step.motion.T_world_part) > 1:
-            frames = make_keyframes(step.motion.T_world_part, timing.pose_times, timeline.duration, max_deviation)
-            _add_animation(document, animation, node_of[step.part], frames)
+        for name in step.members if len(step.motion.T_world_part) > 1 else ():
+            poses = step.member_poses(name, plan.parts)
+            frames = make_keyframes(poses, timing.pose_times, timeline.duration, max_deviation)
+            _add_animation(document, animation, node_of[name], frames)
     content: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": f"sashimono {plan.version}".strip()},
         "scene": 0,
@@ -162,7 +163,8 @@ def write_glb(plan: AssemblyPlan, assembly: Assembly, path: str | Path, *, confi
 
     Y is up, as glTF asks: a root node turns the table's normal there. Below it there is one node a part, named
     like it, at its assembled pose; its animation has the same times as the HTML viewer. Screw motions are
-    resampled so that linear interpolation stays within `ViewConfig.max_deviation`.
+    resampled so that linear interpolation stays within `ViewConfig.max_deviation`. A subassembly's parts move
+    alike, and stand put together before.
 
     Raises OSError if ``path`` cannot be written; an earlier file is then still whole.
     """

@@ -103,10 +103,21 @@ def _contact(contact: Contact) -> dict[str, Any]:
     }
 
 
+def _inside(step: Step, assembly: Assembly) -> list[dict[str, Any]]:
+    """What a subassembly was put together from, in order; empty for a single part."""
+    if step.subassembly is None:
+        return []
+    return [
+        {"part": assembly.index(inner.part), "inside": _inside(inner, assembly)} for inner in step.subassembly.steps
+    ]
+
+
 def _step(step: Step, timing: StepTiming, assembly: Assembly) -> dict[str, Any]:
     evidence = step.motion.evidence
     return {
         "part": assembly.index(step.part),
+        "moving": [assembly.index(name) for name in step.members],
+        "inside": _inside(step, assembly),
         "fixed": len(step.fixed),
         "start": timing.start,
         "stop": timing.stop,
@@ -125,7 +136,7 @@ def _parts(
 ) -> list[dict[str, Any]]:
     colors = part_colors(plan, assembly)
     offsets = explosion_offsets(plan, assembly, config)
-    solved = {step.part for step in plan.steps}
+    solved = set(plan.placed)
     return [
         {
             "name": part.name,
@@ -143,7 +154,7 @@ def _parts(
 
 def _unsolved(plan: AssemblyPlan, assembly: Assembly) -> list[dict[str, Any]]:
     stated = {item.part: item for item in plan.unsolved}
-    solved = {step.part for step in plan.steps}
+    solved = set(plan.placed)
     rows = []
     for k, name in enumerate(assembly.names):
         if name in solved:

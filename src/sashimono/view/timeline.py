@@ -45,7 +45,11 @@ def bounds_at(part: Part, T_world_part: Float[np.ndarray, "4 4"]) -> Float[np.nd
 def scene_diagonal(plan: AssemblyPlan, assembly: Assembly) -> float:
     """Return the diagonal of the box around all parts, assembled and resting [m]."""
     boxes = [bounds_at(part, plan.parts[part.name]) for part in assembly.parts]
-    boxes += [bounds_at(assembly.part(step.part), step.motion.T_world_part[0]) for step in plan.steps]
+    boxes += [
+        bounds_at(assembly.part(name), step.member_poses(name, plan.parts)[0])
+        for step in plan.steps
+        for name in step.members
+    ]
     corners = np.concatenate(boxes)
     return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1e-9)
 

@@ -70,6 +70,11 @@ class Bodies {
     });
   }
 
+  /** Corners of the boxes of all parts that move in step k, when the step's own part is at a pose. */
+  cornersOfStep(k, pose) {
+    return this.plan.steps[k].moving.flatMap((part) => this.corners(part, this.timeline.carried(k, part, pose)));
+  }
+
   /** Corners of the part's box at a pose, in plan coordinates [m]. */
   corners(index, pose) {
     const item = this.items[index];

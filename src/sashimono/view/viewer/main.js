@@ -27,12 +27,12 @@ class Player {
   }
 
   #trayPoints() {
-    return this.plan.steps.filter((step) => step.poses.length > 1).flatMap((step) => this.bodies.corners(step.part, step.poses[0]));
+    return this.plan.steps.flatMap((step, k) => (step.poses.length > 1 ? this.bodies.cornersOfStep(k, step.poses[0]) : []));
   }
 
   #insertionPoints() {
-    return this.plan.steps.flatMap((step) => step.segments.filter((segment) => segment.kind === "insertion")
-      .flatMap((segment) => this.bodies.corners(step.part, step.poses[segment.start])));
+    return this.plan.steps.flatMap((step, k) => step.segments.filter((segment) => segment.kind === "insertion")
+      .flatMap((segment) => this.bodies.cornersOfStep(k, step.poses[segment.start])));
   }
 
   #listen(host) {
@@ -159,10 +159,10 @@ class Player {
     this.#pick();
     stage.renderer.clear();
     stage.renderer.render(stage.scene, stage.camera);
-    const meshOf = (part) => (part >= 0 ? this.bodies.items[part].mesh : null);
+    const meshesOf = (parts) => parts.map((part) => this.bodies.items[part].mesh);
     const current = this.plan.steps[k];
-    const moving = current && this.timeline.state(current.part, time) === "moving" ? current.part : -1;
-    this.outline.render(stage.camera, meshOf(moving), meshOf(this.hovered));
+    const moving = current && this.timeline.state(current.part, time) === "moving" ? current.moving : [];
+    this.outline.render(stage.camera, meshesOf(moving), meshesOf(this.hovered >= 0 ? [this.hovered] : []));
     this.ready = true;
   }
 

@@ -1,4 +1,4 @@
-// A line around the moving part and the one under the mouse, also where other parts hide them: their masks are
+// A line around the moving parts and the one under the mouse, also where other parts hide them: their masks are
 // drawn to a texture, and a screen-filling pass colours the pixels just outside.
 
 class Outline {
@@ -6,12 +6,8 @@ class Outline {
     this.renderer = renderer;
     this.target = new THREE.WebGLRenderTarget(1, 1, { samples: 4 });
     this.masks = new THREE.Scene();
-    this.slots = ["#ff0000", "#00ff00"].map((color) => {
-      const mesh = new THREE.Mesh(new THREE.BufferGeometry(), new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide, depthTest: false }));
-      mesh.matrixAutoUpdate = false;
-      this.masks.add(mesh);
-      return mesh;
-    });
+    this.maskMaterials = ["#ff0000", "#00ff00"].map((color) => new THREE.MeshBasicMaterial({ color, side: THREE.DoubleSide, depthTest: false }));
+    this.empty = new THREE.BufferGeometry();
     this.material = new THREE.ShaderMaterial({
       transparent: true, depthTest: false, depthWrite: false,
       uniforms: {
@@ -36,18 +32,30 @@ class Outline {
     this.flatCamera = new THREE.OrthographicCamera(-1, 1, 1, -1, 0, 1);
   }
 
-  /** Draw the outlines of up to two meshes, over the picture that is there; either may be null. */
+  /** A mesh of the mask scene, made when it is first needed. */
+  #mask(index) {
+    const known = this.masks.children[index];
+    if (known) return known;
+    const mesh = new THREE.Mesh(this.empty, this.maskMaterials[0]);
+    mesh.matrixAutoUpdate = false;
+    this.masks.add(mesh);
+    return mesh;
+  }
+
+  /** Draw one outline around the moving meshes and one around the hovered, over the picture that is there. */
   render(camera, moving, hovered) {
-    if (!moving && !hovered) return;
+    if (!moving.length && !hovered.length) return;
     const size = this.renderer.getDrawingBufferSize(new THREE.Vector2());
     if (this.target.width !== size.x || this.target.height !== size.y) this.target.setSize(size.x, size.y);
     this.material.uniforms.pixel.value.set(1 / size.x, 1 / size.y);
     this.material.uniforms.width.value = 2.4 * this.renderer.getPixelRatio();
-    [moving, hovered === moving ? null : hovered].forEach((mesh, k) => {
-      this.slots[k].visible = Boolean(mesh);
-      if (!mesh) return;
-      this.slots[k].geometry = mesh.geometry;
-      this.slots[k].matrix.copy(mesh.matrixWorld);
+    const shown = [...moving.map((mesh) => [mesh, 0]), ...hovered.filter((mesh) => !moving.includes(mesh)).map((mesh) => [mesh, 1])];
+    this.masks.children.forEach((mask, k) => (mask.visible = k < shown.length));
+    shown.forEach(([mesh, which], k) => {
+      const mask = this.#mask(k);
+      mask.geometry = mesh.geometry;
+      mask.material = this.maskMaterials[which];
+      mask.matrix.copy(mesh.matrixWorld);
     });
     this.renderer.setRenderTarget(this.target);
     this.renderer.clear();

@@ -53,6 +53,11 @@ function describeStep(step) {
   return facts.join(" · ");
 }
 
+/** How a subassembly was put together, in words: "base, then a, then b (x, then y)". */
+function describeInside(inside, parts) {
+  return inside.map(({ part, inside: deeper }) => parts[part].name + (deeper.length ? ` (${describeInside(deeper, parts)})` : "")).join(", then ");
+}
+
 class Panel {
   constructor(plan, player) {
     this.plan = plan;
@@ -104,9 +109,22 @@ class Panel {
     const row = element("button", { type: "button", className: "row", title: name, onclick: () => this.player.showStep(k) },
       element("span", { className: "number", textContent: String(k + 1) }), this.#swatch(step.part),
       element("span", { className: "name", textContent: name }), element("span", { className: "tag", textContent: tag }),
+      element("span", { className: "more", textContent: this.#members(step) }),
+      element("span", { className: "more when-current", textContent: step.inside.length ? `put together before: ${describeInside(step.inside, this.plan.parts)}` : "" }),
       element("span", { className: "more when-current", textContent: describeStep(step) }));
     this.#hovers(row, step.part);
     return row;
+  }
+
+  /** The parts of a subassembly, in words; nothing for a single part. */
+  #members(step) {
+    if (step.moving.length < 2) return "";
+    return `subassembly of ${step.moving.length}: ${step.moving.map((part) => this.plan.parts[part]).map(({ name, solved }) => (solved ? name : `${name} (unsolved)`)).join(", ")}`;
+  }
+
+  #title(step) {
+    const others = step.moving.length - 1;
+    return this.plan.parts[step.part].name + (others > 0 ? ` and ${others} more` : "");
   }
 
   #unsolvedRow(item) {
@@ -132,7 +150,7 @@ class Panel {
     this.slider.setAttribute("aria-label", "Time");
     this.slider.addEventListener("input", () => player.setTime(Number(this.slider.value)));
     this.ticks = plan.steps.map((step) => {
-      const tick = element("i", { title: plan.parts[step.part].name });
+      const tick = element("i", { title: this.#title(step) });
       tick.style.left = `${(100 * step.start) / plan.duration}%`;
       tick.style.width = `${(100 * (step.stop - step.start)) / plan.duration}%`;
       tick.style.background = plan.parts[step.part].color;
@@ -187,7 +205,7 @@ class Panel {
     const label = phase === "hold" ? "" : ` · ${phase}`;
     const what = step && step.poses.length < 2 ? " · base part, stays in place" : label;
     this.caption.replaceChildren(
-      element("b", { textContent: step ? plan.parts[step.part].name : "No step was found" }),
+      element("b", { textContent: step ? this.#title(step) : "No step was found" }),
       element("span", { textContent: step ? `Step ${k + 1} of ${plan.steps.length}${over ? " · done" : what}` : "All parts are shown in place" }));
     if (this.current === k) return;
     this.current = k;

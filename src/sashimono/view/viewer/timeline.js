@@ -6,7 +6,8 @@ class Timeline {
     this.duration = plan.duration;
     this.assembled = plan.parts.map((part) => part.assembled);
     this.stepOfPart = plan.parts.map(() => -1);
-    plan.steps.forEach((step, k) => (this.stepOfPart[step.part] = k));
+    this.solved = plan.parts.map((part) => part.solved);
+    plan.steps.forEach((step, k) => step.moving.forEach((part) => (this.stepOfPart[part] = k)));
     this.twists = plan.steps.map((step) => new Array(step.poses.length - 1));
   }
 
@@ -53,7 +54,17 @@ class Timeline {
   /** T_world_part at time t. A part without a step stays where it belongs. */
   pose(part, t) {
     const k = this.stepOfPart[part];
-    if (k < 0) return this.assembled[part];
+    return k < 0 ? this.assembled[part] : this.carried(k, part, this.#path(k, t));
+  }
+
+  /** Where a part is that moves in step k, when the step's own part is at a pose: all undergo the same displacement. */
+  carried(k, part, pose) {
+    const leader = this.steps[k].part;
+    if (part === leader) return pose;
+    return compose(compose(pose, inverse(this.assembled[leader])), this.assembled[part]);
+  }
+
+  #path(k, t) {
     const { poses } = this.steps[k];
     const [i, u] = this.interval(k, t);
     if (u <= 0) return poses[i];
@@ -62,10 +73,10 @@ class Timeline {
     return compose(poses[i], expTwist(this.twists[k][i], u));
   }
 
-  /** "waiting", "moving", "placed" or "unsolved". */
+  /** "waiting", "moving", "placed" or "unsolved"; what is unsolved may move with a subassembly all the same. */
   state(part, t) {
     const k = this.stepOfPart[part];
-    if (k < 0) return "unsolved";
+    if (!this.solved[part]) return "unsolved";
     const step = this.steps[k];
     if (t < step.start) return "waiting";
     return t < step.stop && step.poses.length > 1 ? "moving" : "placed";

@@ -1,0 +1,202 @@
+"""The assembly tree: every level planned as an assembly of its own, in which a subassembly is one part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import numpy as np
+
+from sashimono.assembly import Assembly
+from sashimono.bodies import make_body, merge_parts
+from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
+from sashimono.disassembly.blocking import bits
+from sashimono.disassembly.separate import Separation, names_of
+from sashimono.disassembly.sequence import Ban, Departure, DisassemblyResult
+from sashimono.geometry.body import Body, SampleConfig
+from sashimono.motion import MotionConfig, MotionResult, plan_motions
+from sashimono.plan import Step, Subassembly, Table, Unsolved
+
+Progress = Callable[[str, int, int], None]
+"""Called with (stage, done, total)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedLevel:
+    """One level of the tree, with all that is below it."""
+
+    steps: tuple[Step, ...]
+    """In assembly order."""
+    table: Table
+    unsolved: tuple[Unsolved, ...]
+    """Parts without a step of their own on this level or below."""
+    refused: frozenset[Ban]
+    """Departures for which no motion was found."""
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """Assembly order."""
+        return tuple(step.part for step in self.steps)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TreePlanner:
+    """Levels 2 and 3 for every level of an assembly tree."""
+
+    assembly: Assembly
+    bodies: Mapping[str, Body]
+    motion: MotionConfig
+    contact: ContactConfig | None
+    """None: no contacts are asked for."""
+    gripper: str
+    samples: SampleConfig
+    stage: Callable[[str], AbstractContextManager[None]]
+    """Entered with "motion" or "contact" while that level works."""
+
+    def plan(
+        self,
+        found: DisassemblyResult,
+        *,
+        motion_rng: np.random.Generator,
+        contact_rng: np.random.Generator,
+        progress: Progress = lambda stage, done, total: None,
+    ) -> PlannedLevel:
+        """Return steps for what level 1 took apart, insides of subassemblies first.
+
+        A part that cannot be separated from its subassembly still moves with it, and is listed as unsolved.
+        """
+        names = self.assembly.names
+        departures = {names[departure.part]: departure for departure in reversed(found.removals)}
+        inside: dict[str, PlannedLevel] = {}
+        merged: dict[str, np.random.Generator] = {}
+        for name, departure in departures.items():
+            if departure.inside is not None:
+                # without subassemblies nothing is spawned here: their absence leaves a plan as it was
+                inner, merged[name] = motion_rng.spawn(2)
+                inside[name] = self.plan(departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0])
+        level, bodies = self._level(found, departures, merged)
+        order = [names[found.base], *departures]
+        stuck = [_stuck(self.assembly, part, separation) for part, separation in found.stuck]
+        with self.stage("motion"):
+            motions = plan_motions(
+                level,
+                order,
+                {name: d.separation.removal for name, d in departures.items() if d.separation.removal is not None},
+                config=self.motion,
+                rng=motion_rng,
+                in_place=[entry.part for entry in stuck],
+                bodies=bodies,
+                progress=lambda done, total: progress("motion", done, total),
+            )
+        failed = {entry.part: entry for entry in motions.unsolved}
+        moved = [name for name in order if name not in failed]
+        with self.stage("contact"):
+            contacts = self._contacts(level, bodies, moved, motions, contact_rng, progress)
+        unsolved = {entry.part: entry for entry in (*stuck, *(e for below in inside.values() for e in below.unsolved))}
+        for name, entry in failed.items():
+            for member in self._members(departures[name]):
+                unsolved.setdefault(member, _carried(member, entry))
+        return PlannedLevel(
+            steps=self._steps(moved, departures, inside, motions, contacts),
+            table=motions.table,
+            unsolved=tuple(unsolved.values()),
+            refused=frozenset(departures[name].ban for name in failed).union(*(b.refused for b in inside.values())),
+        )
+
+    def _members(self, departure: Departure) -> tuple[str, ...]:
+        return names_of(self.assembly, bits(departure.members))
+
+    def _level(
+        self,
+        found: DisassemblyResult,
+        departures: Mapping[str, Departure],
+        merged: Mapping[str, np.random.Generator],
+    ) -> tuple[Assembly, Mapping[str, Body]]:
+        """The assembly of this level, each subassembly one part, and its bodies."""
+        present = {found.base, *(part for part, _ in found.stuck), *(d.part for d in found.removals)}
+        if not merged and len(present) == len(self.assembly):
+            return self.assembly, self.bodies
+        parts, bodies = [], {}
+        for k in sorted(present):
+            part = self.assembly.parts[k]
+            if part.name in merged:
+                part = merge_parts(
+                    [self.assembly.part(name) for name in self._members(departures[part.name])], part.name
+                )
+                bodies[part.name] = make_body(part, config=self.samples, rng=merged[part.name])
+            else:
+                bodies[part.name] = self.bodies[part.name]
+            parts.append(part)
+        alike = [tuple(n for n in names if n in bodies and n not in merged) for names in self.assembly.identical]
+        return Assembly(parts=tuple(parts), identical=tuple(names for names in alike if len(names) > 1)), bodies
+
+    def _contacts(
+        self,
+        level: Assembly,
+        bodies: Mapping[str, Body],
+        order: list[str],
+        motions: MotionResult,
+        rng: np.random.Generator,
+        progress: Progress,
+    ) -> Mapping[str, ContactChoice]:
+        if self.contact is None:
+            return {name: ContactChoice(None, "contacts were not asked for") for name in order}
+        done = iter(range(1, len(order) + 1))
+        return choose_contacts(
+            level,
+            order,
+            motions.motions,
+            motions.table,
+            gripper=named_gripper(self.gripper),
+            config=self.contact,
+            rng=rng,
+            bodies=bodies,
+            progress=lambda name: progress("contact", next(done), len(order)),
+        )
+
+    def _steps(
+        self,
+        order: list[str],
+        departures: Mapping[str, Departure],
+        inside: Mapping[str, PlannedLevel],
+        motions: MotionResult,
+        contacts: Mapping[str, ContactChoice],
+    ) -> tuple[Step, ...]:
+        steps: list[Step] = []
+        for name in order:
+            below = inside.get(name)
+            step = Step(
+                part=name,
+                fixed=tuple(member for before in steps for member in before.members),
+                motion=motions.motions[name],
+                contact=contacts[name].contact,
+                contact_reason=contacts[name].reason,
+                moving=() if below is None else self._members(departures[name]),
+                subassembly=None
+                if below is None
+                else Subassembly(order=below.order, steps=below.steps, table=below.table),
+            )
+            steps.append(step)
+        return tuple(steps)
+
+
+def _stuck(assembly: Assembly, part: int, separation: Separation) -> Unsolved:
+    return Unsolved(
+        part=assembly.names[part],
+        answer=separation.answer,
+        blocked_by=names_of(assembly, separation.blocked_by),
+        reason=separation.reason,
+    )
+
+
+def _carried(member: str, entry: Unsolved) -> Unsolved:
+    """What is said of a member where its subassembly does not move."""
+    if member == entry.part:
+        return entry
+    return Unsolved(
+        part=member,
+        answer=entry.answer,
+        blocked_by=entry.blocked_by,
+        reason=f"in one subassembly with {entry.part}: {entry.reason}",
+    )
