@@ -1,0 +1,168 @@
+"""Algorithm 1's ``simulate``: one part is pushed among parts that stand still, until it is out or at rest.
+
+Event-driven instead of stepped in time: contact with friction says along which screw the part slides now, the
+exact check says how far it may follow it, and there the question is asked again. Clearance, tessellation and
+drift are taken up by fitting the part back between its contacts after each stretch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.disassembly.friction import sliding_twist
+from sashimono.disassembly.paths import Paths
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.slippage import find_contacts, spatial_twist
+from sashimono.geometry import se3
+from sashimono.geometry.screw import between
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateConfig:
+    """Contact model and budget of one simulated push; lengths over the smaller part's smallest extent."""
+
+    friction: float = 0.2
+    """Coulomb friction coefficient."""
+    gap: float = 0.02
+    """Surfaces nearer than this touch."""
+    facing: float = 0.5
+    """Least cosine between one surface's normal and the reverse of the other's where they touch."""
+    iterations: int = 100
+    """Rounds of the contact solver."""
+    solver_tolerance: float = 1e-4
+    """Change of impulse, over the push, at which the contact solver stops."""
+    rest: float = 0.05
+    """A part that answers a push with less than this share of its motion rests."""
+    least_advance: float = 0.02
+    """A stretch shorter than this over the moving part's smallest extent ends the push."""
+    turn: float = np.pi / 3.0
+    """Largest turn of one stretch [rad]; geodesics need less than π."""
+    max_stretches: int = 80
+    """Stretches of one push."""
+    centering: int = 2
+    """Gauss-Newton steps that fit the part between its contacts after a stretch."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Simulated:
+    """Where a push led."""
+
+    displacements: Float[np.ndarray, "waypoint 4 4"]
+    """Checked waypoints from where the push began; the last one is at rest, or out."""
+    exit_direction: Float[np.ndarray, "3"] | None
+    """Direction of the last leg if the part is out, else None."""
+    met: tuple[int, ...]
+    """Parts that stopped it."""
+    stretches: int
+    """Stretches followed."""
+
+    def removal(self, before: Float[np.ndarray, "waypoint 4 4"]) -> Removal:
+        """Return the removal that this push completes, after the waypoints that led to where it began."""
+        assert self.exit_direction is not None, "only a part that is out has a removal"
+        return Removal(
+            displacements=np.concatenate([before[:-1], self.displacements]), exit_direction=self.exit_direction
+        )
+
+
+def simulate(
+    paths: Paths, D: Float[np.ndarray, "4 4"], push: Float[np.ndarray, "6"], *, config: SimulateConfig
+) -> Simulated:
+    """Return where the part goes from D under a push: a wrench (force, torque) about its centre, world frame.
+
+    Lengths are over the part's radius, so that a unit force and a unit torque move its far points alike. Every
+    stretch in the answer has been checked.
+    """
+    poses, met = [D], set()
+    stretches = short = 0
+    previous: np.ndarray | None = None
+    while stretches < config.max_stretches and short < 2:
+        twist = _response(paths, poses[-1], push, previous, config)
+        if twist is None:
+            break
+        stretches += 1
+        u, stopper = paths.halt(poses[-1], twist)
+        if stopper is None and np.linalg.norm(twist[3:]) < 1e-9:
+            length = float(np.linalg.norm(twist[:3]))
+            return _finished([*poses, se3.exp(twist) @ poses[-1]], twist[:3] / length, met, stretches)
+        if stopper is not None:
+            met.add(stopper)
+        short = short + 1 if u * paths.rate(poses[-1], twist) < config.least_advance * paths.size else 0
+        if u > 0.0:
+            reached = se3.exp(u * twist) @ poses[-1]
+            poses.append(_centered(paths, poses[-1], reached, config))
+            previous = between(poses[-2], poses[-1])
+        if u > 0.0:
+            for direction in _along(twist):
+                end = paths.exit(poses[-1], direction)
+                if end is not None:
+                    return _finished([*poses, end], direction, met, stretches)
+    return _finished(poses, None, met, stretches)
+
+
+def _finished(
+    poses: list[np.ndarray], exit_direction: Float[np.ndarray, "3"] | None, met: set[int], stretches: int
+) -> Simulated:
+    return Simulated(
+        displacements=np.array(poses), exit_direction=exit_direction, met=tuple(sorted(met)), stretches=stretches
+    )
+
+
+def _response(
+    paths: Paths,
+    D: Float[np.ndarray, "4 4"],
+    push: Float[np.ndarray, "6"],
+    previous: Float[np.ndarray, "6"] | None,
+    config: SimulateConfig,
+) -> Float[np.ndarray, "6"] | None:
+    """The screw that the part follows now: a whole stretch of it, spatial, world frame; None at rest."""
+    contacts = find_contacts(paths, D, gap=config.gap, facing=config.facing)
+    options = {"iterations": config.iterations, "tolerance": config.solver_tolerance}
+    answer = sliding_twist(contacts, push, friction=config.friction, **options)
+    if np.linalg.norm(answer) < config.rest:
+        return None
+    radius = paths.body.radius
+    twist = spatial_twist(answer, se3.apply(D, paths.center[None])[0], radius)
+    turn = float(np.linalg.norm(twist[3:]))
+    if turn < 0.02 * float(np.linalg.norm(answer[:3])):
+        direction = answer[:3] / np.linalg.norm(answer[:3])
+        return np.concatenate([paths.way_out(D, direction) * direction, np.zeros(3)])
+    twist *= config.turn / turn
+    if previous is None:
+        return twist
+    # along a thread, what was just followed tells axis and pitch better than the contacts of one pose
+    turned = float(np.linalg.norm(previous[3:]))
+    if turned < 0.1 * config.turn:
+        return twist
+    known = previous * (config.turn / turned)
+    return known if paths.rate(D, known - twist) < 0.2 * paths.rate(D, twist) else twist
+
+
+def _along(twist: Float[np.ndarray, "6"]) -> list[Float[np.ndarray, "3"]]:
+    """Both ways along the axis of a screw, the one in which it shifts the part first; nothing for a translation."""
+    turn = float(np.linalg.norm(twist[3:]))
+    if turn == 0.0:
+        return []
+    axis = twist[3:] / turn
+    return [axis, -axis] if float(axis @ twist[:3]) >= 0.0 else [-axis, axis]
+
+
+def _centered(
+    paths: Paths, D_before: Float[np.ndarray, "4 4"], D: Float[np.ndarray, "4 4"], config: SimulateConfig
+) -> Float[np.ndarray, "4 4"]:
+    """The pose between whose contacts gaps and overlaps even out, if the way there passes; else the pose itself."""
+    fitted = D
+    radius = paths.body.radius
+    for _ in range(config.centering):
+        contacts = find_contacts(paths, fitted, gap=config.gap, facing=config.facing)
+        if len(contacts) < 6:
+            return D
+        rows = contacts.rows
+        damped = rows.T @ rows / len(rows) + 1e-3 * np.eye(6)
+        step = -np.linalg.solve(damped, rows.T @ contacts.gaps / len(rows))
+        fitted = se3.exp(spatial_twist(step, se3.apply(fitted, paths.center[None])[0], radius)) @ fitted
+    if paths.distance(D, fitted) > 2.0 * config.gap * paths.size:
+        return D
+    return fitted if paths.advance(D_before, between(D_before, fitted))[1] is None else D
