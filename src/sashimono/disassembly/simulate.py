@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.friction import sliding_twist
+from sashimono.disassembly.friction import Contacts, sliding_twist
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.slippage import find_contacts, spatial_twist
@@ -30,6 +30,8 @@ class SimulateConfig:
     """Surfaces nearer than this touch."""
     facing: float = 0.5
     """Least cosine between one surface's normal and the reverse of the other's where they touch."""
+    slack: float = 0.005
+    """How much a contact may close unhindered, so that zero clearance and facets do not wedge."""
     iterations: int = 100
     """Rounds of the contact solver."""
     solver_tolerance: float = 1e-4
@@ -99,6 +101,8 @@ def simulate(
                 end = paths.exit(poses[-1], direction)
                 if end is not None:
                     return _finished([*poses, end], direction, met, stretches)
+            if any(paths.distance(poses[-1], pose) < config.least_advance * paths.size for pose in poses[:-1]):
+                break  # once around
     return _finished(poses, None, met, stretches)
 
 
@@ -119,6 +123,8 @@ def _response(
 ) -> Float[np.ndarray, "6"] | None:
     """The screw that the part follows now: a whole stretch of it, spatial, world frame; None at rest."""
     contacts = find_contacts(paths, D, gap=config.gap, facing=config.facing)
+    slack = config.slack * paths.size / paths.body.radius
+    contacts = Contacts(contacts.normals, contacts.arms, np.maximum(contacts.gaps, 0.0) + slack)
     options = {"iterations": config.iterations, "tolerance": config.solver_tolerance}
     answer = sliding_twist(contacts, push, friction=config.friction, **options)
     if np.linalg.norm(answer) < config.rest:
