@@ -21,11 +21,13 @@ _REFINE = 1.0 / 16.0
 class Paths:
     """Paths of one part past some others, as displacements from the assembled pose in the world frame.
 
-    Every answer is a pure function of its arguments. The probes of both parts are followed, to the tolerance
-    and with the least step of the blocking relation, so what passes here is as free as a straight removal there.
+    Every answer is a pure function of its arguments. The probes of both parts are followed with the least step of
+    the blocking relation.
     """
 
-    def __init__(self, blocking: Blocking, part: int, others: Sequence[int]) -> None:
+    def __init__(self, blocking: Blocking, part: int, others: Sequence[int], *, tolerance: float) -> None:
+        """Take in the parts, and the depth allowed beyond the assembled overlap, over the smaller part's extent."""
+        self.tolerance = tolerance
         self.blocking = blocking
         self.part = part
         self.others = tuple(others)
@@ -69,7 +71,7 @@ class Paths:
             (self._past(D_start, (u - start) * twist, other, 1, fine) for other in self.near(D, rate)), default=1.0
         )
         stop = start + (u - start) * min(first, 1.0)
-        allowed = config.tolerance * size + float(self.blocking.allowances[self.part, stopper])
+        allowed = self.tolerance * size + float(self.blocking.allowances[self.part, stopper])
         return max(0.0, stop - (fine * size + allowed) / rate), stopper
 
     def check(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
@@ -115,7 +117,7 @@ class Paths:
         b = table.bodies[other]
         size = min(self.size, float(table.sizes[other]))
         options = {
-            "limit": float(table.allowances[self.part, other]) + table.config.tolerance * size,
+            "limit": float(table.allowances[self.part, other]) + self.tolerance * size,
             "least_step": least * size,
         }
         T_b_world = se3.inverse(table.poses[other])

@@ -33,6 +33,9 @@ class PhysicsConfig:
     """Axes along which forces and torques act."""
     slippage_pushes: bool = True
     """Whether the screws that the contacts leave free are followed too."""
+    tolerance: float = 0.0075
+    """Depth beyond the assembled overlap that the check of a path allows, over the smaller part's smallest extent;
+    half of what straight removals may, for paths that use it up (out of the last turn of a thread) hit between probes."""
     max_pushes: int = 80
     """Pushes simulated for one part."""
     novelty: float = 0.05
@@ -53,7 +56,7 @@ class PhysicsResult:
 
 def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, config: PhysicsConfig) -> PhysicsResult:
     """Return a removal of the part past the others by simulated pushes from rest pose to rest pose."""
-    paths = Paths(blocking, part, others)
+    paths = Paths(blocking, part, others, tolerance=config.tolerance)
     start = np.eye(4)[None]
     queue = deque([start])
     known = [np.eye(4)]

@@ -156,13 +156,16 @@ class _Chooser:
         self, remaining: int, protected: int
     ) -> tuple[tuple[int, Separation] | None, list[tuple[int, Separation]]]:
         """A part that the later stages free, the protected one last; else what they say of every part."""
-        said = []
+        said: list[tuple[int, Separation]] = []
         parts = sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k))
-        for part in parts:
-            if (part, -1) in self.banned:
-                continue
-            separation = self.cascade.further(part, remaining)
-            if separation.answer is Answer.FREE:
-                return (part, separation), []
-            said.append((part, separation))
+        # translations of all parts come before physics of any: they cost less
+        for ask in (self.cascade.further, self.cascade.pushed):
+            said = []
+            for part in parts:
+                if (part, -1) in self.banned:
+                    continue
+                separation = ask(part, remaining)
+                if separation.answer is Answer.FREE:
+                    return (part, separation), []
+                said.append((part, separation))
         return None, said

@@ -8,6 +8,7 @@ drift are taken up by fitting the part back between its contacts after each stre
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -77,33 +78,74 @@ def simulate(
     Lengths are over the part's radius, so that a unit force and a unit torque move its far points alike. Every
     stretch in the answer has been checked.
     """
-    poses, met = [D], set()
+    poses, met, helix = [D], set(), _Helix(config)
     stretches = short = 0
-    previous: np.ndarray | None = None
     while stretches < config.max_stretches and short < 2:
-        twist = _response(paths, poses[-1], push, previous, config)
+        twist = _response(paths, poses[-1], push, helix, config)
         if twist is None:
             break
         stretches += 1
         u, stopper = paths.halt(poses[-1], twist)
-        if stopper is None and np.linalg.norm(twist[3:]) < 1e-9:
-            length = float(np.linalg.norm(twist[:3]))
-            return _finished([*poses, se3.exp(twist) @ poses[-1]], twist[:3] / length, met, stretches)
+        if stopper is None and not twist[3:].any():
+            return _finished([*poses, se3.exp(twist) @ poses[-1]], _unit(twist[:3]), met, stretches)
         if stopper is not None:
             met.add(stopper)
         short = short + 1 if u * paths.rate(poses[-1], twist) < config.least_advance * paths.size else 0
-        if u > 0.0:
-            reached = se3.exp(u * twist) @ poses[-1]
-            poses.append(_centered(paths, poses[-1], reached, config))
-            previous = between(poses[-2], poses[-1])
-        if u > 0.0:
-            for direction in _along(twist):
-                end = paths.exit(poses[-1], direction)
-                if end is not None:
-                    return _finished([*poses, end], direction, met, stretches)
-            if any(paths.distance(poses[-1], pose) < config.least_advance * paths.size for pose in poses[:-1]):
-                break  # once around
+        if u == 0.0:
+            continue
+        reached, contacts = _centered(paths, poses[-1], se3.exp(u * twist) @ poses[-1], config)
+        poses.append(reached)
+        helix.follow(between(poses[-2], reached), contacts)
+        for direction in _along(twist):
+            end = paths.exit(reached, direction)
+            if end is not None:
+                smooth = helix.smoothed(paths, poses, direction) or ([*poses, end], direction)
+                return _finished(*smooth, met, stretches)
+        if any(paths.distance(reached, pose) < config.least_advance * paths.size for pose in poses[:-1]):
+            break  # once around
     return _finished(poses, None, met, stretches)
+
+
+class _Helix:
+    """The screw that all turning stretches so far agree on: their mean, each weighed by its contacts.
+
+    Stretches of one helix have one spatial twist, wherever on it they begin.
+    """
+
+    def __init__(self, config: SimulateConfig) -> None:
+        self._turn = config.turn
+        self._sum = np.zeros(6)
+        self._weight = 0.0
+        self._others = False
+
+    @property
+    def twist(self) -> Float[np.ndarray, "6"] | None:
+        """The mean twist of a whole stretch; None before there is one."""
+        return self._sum * (self._turn / self._weight) if self._weight > 0.0 else None
+
+    def follow(self, twist: Float[np.ndarray, "6"], contacts: int) -> None:
+        """Take in a stretch, and the number of contacts by which its end was fitted."""
+        turn = float(np.linalg.norm(twist[3:]))
+        if turn < 0.1 * self._turn:
+            self._others = True
+        elif contacts:
+            self._sum = self._sum + contacts * twist / turn
+            self._weight += contacts
+
+    def smoothed(
+        self, paths: Paths, poses: list[np.ndarray], direction: Float[np.ndarray, "3"]
+    ) -> tuple[list[np.ndarray], Float[np.ndarray, "3"]] | None:
+        """The poses, all stretches replaced by the mean one, an exit along its axis at the end; None if it hits."""
+        twist = self.twist
+        if twist is None or self._others:
+            return None
+        axis = _unit(twist[3:])
+        direction = axis if float(axis @ direction) > 0.0 else -axis
+        total = sum(float(np.linalg.norm(between(a, b)[3:])) for a, b in pairwise(poses))
+        count = len(poses) - 1
+        smooth = [se3.exp(twist * (k * total / (self._turn * count))) @ poses[0] for k in range(count + 1)]
+        end = paths.exit(smooth[-1], direction)
+        return ([*smooth, end], direction) if end is not None and paths.check(np.array(smooth)) else None
 
 
 def _finished(
@@ -118,7 +160,7 @@ def _response(
     paths: Paths,
     D: Float[np.ndarray, "4 4"],
     push: Float[np.ndarray, "6"],
-    previous: Float[np.ndarray, "6"] | None,
+    helix: _Helix,
     config: SimulateConfig,
 ) -> Float[np.ndarray, "6"] | None:
     """The screw that the part follows now: a whole stretch of it, spatial, world frame; None at rest."""
@@ -133,17 +175,18 @@ def _response(
     twist = spatial_twist(answer, se3.apply(D, paths.center[None])[0], radius)
     turn = float(np.linalg.norm(twist[3:]))
     if turn < 0.02 * float(np.linalg.norm(answer[:3])):
-        direction = answer[:3] / np.linalg.norm(answer[:3])
+        direction = _unit(answer[:3])
         return np.concatenate([paths.way_out(D, direction) * direction, np.zeros(3)])
     twist *= config.turn / turn
-    if previous is None:
-        return twist
-    # along a thread, what was just followed tells axis and pitch better than the contacts of one pose
-    turned = float(np.linalg.norm(previous[3:]))
-    if turned < 0.1 * config.turn:
-        return twist
-    known = previous * (config.turn / turned)
-    return known if paths.rate(D, known - twist) < 0.2 * paths.rate(D, twist) else twist
+    known = helix.twist
+    # along a thread, the stretches so far tell axis and pitch better than the contacts of one pose
+    if known is not None and paths.rate(D, known - twist) < 0.2 * paths.rate(D, twist):
+        return known
+    return twist
+
+
+def _unit(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    return vector / np.linalg.norm(vector)
 
 
 def _along(twist: Float[np.ndarray, "6"]) -> list[Float[np.ndarray, "3"]]:
@@ -157,18 +200,20 @@ def _along(twist: Float[np.ndarray, "6"]) -> list[Float[np.ndarray, "3"]]:
 
 def _centered(
     paths: Paths, D_before: Float[np.ndarray, "4 4"], D: Float[np.ndarray, "4 4"], config: SimulateConfig
-) -> Float[np.ndarray, "4 4"]:
-    """The pose between whose contacts gaps and overlaps even out, if the way there passes; else the pose itself."""
-    fitted = D
+) -> tuple[Float[np.ndarray, "4 4"], int]:
+    """The pose that evens out gaps and overlaps between its contacts, if the way there passes, and how many there are;
+    else the pose itself, and 0."""
+    fitted, count = D, 0
     radius = paths.body.radius
     for _ in range(config.centering):
         contacts = find_contacts(paths, fitted, gap=config.gap, facing=config.facing)
-        if len(contacts) < 6:
-            return D
+        count = len(contacts)
+        if count < 6:
+            return D, 0
         rows = contacts.rows
         damped = rows.T @ rows / len(rows) + 1e-3 * np.eye(6)
         step = -np.linalg.solve(damped, rows.T @ contacts.gaps / len(rows))
         fitted = se3.exp(spatial_twist(step, se3.apply(fitted, paths.center[None])[0], radius)) @ fitted
     if paths.distance(D, fitted) > 2.0 * config.gap * paths.size:
-        return D
-    return fitted if paths.advance(D_before, between(D_before, fitted))[1] is None else D
+        return D, 0
+    return (fitted, count) if paths.advance(D_before, between(D_before, fitted))[1] is None else (D, 0)
