@@ -19,7 +19,7 @@ from sashimono.disassembly.blocking import Blocking
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.simulate import SimulateConfig, simulate
-from sashimono.disassembly.slippage import SlippageConfig, free_twists
+from sashimono.disassembly.slippage import free_twists
 from sashimono.geometry import se3
 
 
@@ -28,7 +28,6 @@ class PhysicsConfig:
     """Pushes and budget of the search; it counts work, never time."""
 
     simulate: SimulateConfig = field(default_factory=SimulateConfig)
-    slippage: SlippageConfig = field(default_factory=SlippageConfig)
     axes: Literal["inertia", "world"] = "inertia"
     """Axes along which forces and torques act."""
     slippage_pushes: bool = True
@@ -89,7 +88,7 @@ def pushes_at(
     pushes = []
     if config.slippage_pushes:
         center = se3.apply(D, paths.center[None])[0]
-        for twist in free_twists(paths, D, config=config.slippage):
+        for twist in free_twists(paths, D, config=config.simulate.slippage):
             push = np.concatenate([(twist[:3] + np.cross(twist[3:], center)) / paths.body.radius, twist[3:]])
             pushes.append(push / np.linalg.norm(push))
     axes = np.eye(3)

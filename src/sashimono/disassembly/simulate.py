@@ -7,7 +7,7 @@ drift are taken up by fitting the part back between its contacts after each stre
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +16,7 @@ from jaxtyping import Float
 from sashimono.disassembly.friction import Contacts, sliding_twist
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
-from sashimono.disassembly.slippage import find_contacts, spatial_twist
+from sashimono.disassembly.slippage import SlippageConfig, find_contacts, snapped, spatial_twist
 from sashimono.geometry import se3
 from sashimono.geometry.screw import between
 
@@ -29,8 +29,8 @@ class SimulateConfig:
     """Coulomb friction coefficient."""
     gap: float = 0.02
     """Surfaces nearer than this touch."""
-    facing: float = 0.5
-    """Least cosine between one surface's normal and the reverse of the other's where they touch."""
+    slippage: SlippageConfig = field(default_factory=SlippageConfig)
+    """How axes are read off contacts and geometry."""
     slack: float = 0.005
     """How much a contact may close unhindered, so that zero clearance and facets do not wedge."""
     iterations: int = 100
@@ -43,6 +43,8 @@ class SimulateConfig:
     """A stretch shorter than this over the moving part's smallest extent ends the push."""
     turn: float = np.pi / 3.0
     """Largest turn of one stretch [rad]; geodesics need less than π."""
+    first_turn: float = np.pi / 12.0
+    """Largest turn of a stretch that no stretch before it confirms [rad]."""
     max_stretches: int = 80
     """Stretches of one push."""
     centering: int = 2
@@ -126,11 +128,11 @@ class _Helix:
     def follow(self, twist: Float[np.ndarray, "6"], contacts: int) -> None:
         """Take in a stretch, and the number of contacts by which its end was fitted."""
         turn = float(np.linalg.norm(twist[3:]))
-        if turn < 0.1 * self._turn:
+        if turn < 0.02 * self._turn:
             self._others = True
-        elif contacts:
-            self._sum = self._sum + contacts * twist / turn
-            self._weight += contacts
+        else:
+            self._sum = self._sum + contacts * twist
+            self._weight += contacts * turn
 
     def smoothed(
         self, paths: Paths, poses: list[np.ndarray], direction: Float[np.ndarray, "3"]
@@ -164,13 +166,14 @@ def _response(
     config: SimulateConfig,
 ) -> Float[np.ndarray, "6"] | None:
     """The screw that the part follows now: a whole stretch of it, spatial, world frame; None at rest."""
-    contacts = find_contacts(paths, D, gap=config.gap, facing=config.facing)
+    contacts = find_contacts(paths, D, gap=config.gap, facing=config.slippage.facing)
     slack = config.slack * paths.size / paths.body.radius
     contacts = Contacts(contacts.normals, contacts.arms, np.maximum(contacts.gaps, 0.0) + slack)
     options = {"iterations": config.iterations, "tolerance": config.solver_tolerance}
     answer = sliding_twist(contacts, push, friction=config.friction, **options)
     if np.linalg.norm(answer) < config.rest:
         return None
+    answer = snapped(contacts.rows, answer, paths.blocking.directions, config=config.slippage)
     radius = paths.body.radius
     twist = spatial_twist(answer, se3.apply(D, paths.center[None])[0], radius)
     turn = float(np.linalg.norm(twist[3:]))
@@ -182,7 +185,7 @@ def _response(
     # along a thread, the stretches so far tell axis and pitch better than the contacts of one pose
     if known is not None and paths.rate(D, known - twist) < 0.2 * paths.rate(D, twist):
         return known
-    return twist
+    return twist * config.first_turn / config.turn
 
 
 def _unit(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
@@ -201,19 +204,23 @@ def _along(twist: Float[np.ndarray, "6"]) -> list[Float[np.ndarray, "3"]]:
 def _centered(
     paths: Paths, D_before: Float[np.ndarray, "4 4"], D: Float[np.ndarray, "4 4"], config: SimulateConfig
 ) -> tuple[Float[np.ndarray, "4 4"], int]:
-    """The pose that evens out gaps and overlaps between its contacts, if the way there passes, and how many there are;
-    else the pose itself, and 0."""
-    fitted, count = D, 0
+    """The pose that evens out overlaps and small gaps, if that lessens overlaps and the way there passes, and how many
+    contacts there are; else the pose itself, and 0."""
+    fitted, count, before = D, 0, 0.0
     radius = paths.body.radius
-    for _ in range(config.centering):
-        contacts = find_contacts(paths, fitted, gap=config.gap, facing=config.facing)
-        count = len(contacts)
-        if count < 6:
-            return D, 0
-        rows = contacts.rows
-        damped = rows.T @ rows / len(rows) + 1e-3 * np.eye(6)
-        step = -np.linalg.solve(damped, rows.T @ contacts.gaps / len(rows))
+    for k in range(config.centering + 1):
+        contacts = find_contacts(paths, fitted, gap=config.gap, facing=config.slippage.facing)
+        overlap = -float(contacts.gaps.min(initial=0.0))
+        before = overlap if k == 0 else before
+        close = contacts.gaps < config.slack * paths.size / radius
+        count = int(close.sum())
+        if count < 6 or k == config.centering:
+            break
+        rows, gaps = contacts.rows[close], contacts.gaps[close]
+        damped = rows.T @ rows / count + 1e-3 * np.eye(6)
+        step = -np.linalg.solve(damped, rows.T @ gaps / count)
         fitted = se3.exp(spatial_twist(step, se3.apply(fitted, paths.center[None])[0], radius)) @ fitted
-    if paths.distance(D, fitted) > 2.0 * config.gap * paths.size:
+    worse = overlap > before or paths.distance(D, fitted) > 2.0 * config.gap * paths.size
+    if worse or paths.advance(D_before, between(D_before, fitted))[1] is not None:
         return D, 0
-    return (fitted, count) if paths.advance(D_before, between(D_before, fitted))[1] is None else (D, 0)
+    return fitted, count

@@ -30,6 +30,10 @@ class SlippageConfig:
     """Normal velocity at which a contact opens, and no longer counts for the motion that opens it."""
     refinements: int = 3
     """Times a twist is fitted again without the contacts that it opens."""
+    snap: float = np.radians(3.0)
+    """Angle to a line of the geometry [rad] below which that is the axis."""
+    least_pitch: float = 0.005
+    """Shift per turn, over the part's radius, below which there is no pitch [1/rad]."""
     facing: float = 0.5
     """Least cosine between one surface's normal and the reverse of the other's where they touch."""
 
@@ -79,10 +83,44 @@ def free_twists(
             continue
         for twist in _null_twists(rows, config.free):
             for signed in (twist, -twist):
-                refined = _refined(rows, signed, config)
+                refined = snapped(rows, _refined(rows, signed, config), paths.blocking.directions, config=config)
+                refined /= np.linalg.norm(refined)
                 if all(np.linalg.norm(refined - known) > 0.02 for known in found):
                     found.append(refined)
     return [spatial_twist(twist, center, paths.body.radius) for twist in found]
+
+
+def snapped(
+    rows: Float[np.ndarray, "contact 6"],
+    twist: Float[np.ndarray, "6"],
+    lines: Float[np.ndarray, "line 3"],
+    *,
+    config: SlippageConfig,
+) -> Float[np.ndarray, "6"]:
+    """Return the twist about, or along, the geometry's own line where one is near; else the twist as it is.
+
+    Contact samples tell an axis to about a degree, faces and holes tell it exactly. What else the twist shifts is
+    fitted again to the contacts that it keeps, and a shift along the axis too small to be a pitch is dropped.
+    """
+    v, w = twist[:3], twist[3:]
+    turn = float(np.linalg.norm(w))
+    turns = turn > 0.1 * float(np.linalg.norm(v))
+    along = w if turns else v
+    cosines = lines @ along / np.linalg.norm(along)
+    best = int(np.argmax(np.abs(cosines)))
+    if abs(cosines[best]) < np.cos(config.snap):
+        return twist
+    axis = np.sign(cosines[best]) * lines[best]
+    if not turns:
+        return np.concatenate([np.linalg.norm(v) * axis, np.zeros(3)])
+    kept = rows[np.abs(rows @ twist) < config.receding * np.linalg.norm(twist)]
+    normals = kept[:, :3]
+    turning = turn * axis
+    damped = normals.T @ normals + 1e-3 * (len(kept) + 1) * np.eye(3)
+    v = v - np.linalg.solve(damped, normals.T @ (kept @ np.concatenate([v, turning])))
+    if abs(axis @ v) < config.least_pitch * turn:
+        v = v - (axis @ v) * axis
+    return np.concatenate([v, turning])
 
 
 def _null_twists(rows: Float[np.ndarray, "contact 6"], free: float) -> list[Float[np.ndarray, "6"]]:
