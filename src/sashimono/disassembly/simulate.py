@@ -183,7 +183,7 @@ def _response(
     twist *= config.turn / turn
     known = helix.twist
     # along a thread, the stretches so far tell axis and pitch better than the contacts of one pose
-    if known is not None and paths.rate(D, known - twist) < 0.2 * paths.rate(D, twist):
+    if known is not None and paths.rate(D, known - twist) < 0.5 * paths.rate(D, twist):
         return known
     return twist * config.first_turn / config.turn
 
