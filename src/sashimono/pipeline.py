@@ -7,13 +7,15 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
-from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
+from sashimono.contact import ContactChoice, ContactConfig, Executability, choose_contacts, named_gripper
+from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.separate import Cascade, SeparateConfig, Separation, names_of
 from sashimono.disassembly.sequence import Ban, DisassemblyResult, SequenceConfig, find_disassembly
 from sashimono.geometry.body import Body, SampleConfig
@@ -32,6 +34,12 @@ Progress = Callable[[str, int, int], None]
 class PipelineConfig:
     """Options of every level, and how often they go back to one another."""
 
+    method: Literal["cascade", "physics"] = "cascade"
+    """How removals are found: the cascade, or the paper's Algorithm 1."""
+    algorithm1: Algorithm1Config = field(default_factory=Algorithm1Config)
+    """Options of the method ``physics``."""
+    executable: bool = True
+    """Whether the method ``physics`` takes a part out only if a grasp for it exists (``isExec``)."""
     samples: SampleConfig = field(default_factory=SampleConfig)
     separate: SeparateConfig = field(default_factory=SeparateConfig)
     sequence: SequenceConfig = field(default_factory=SequenceConfig)
@@ -107,9 +115,11 @@ def _attempt(
 ) -> _Attempt:
     count = len(assembly) - 1
     with clock.stage("sequence"):
-        found = find_disassembly(
-            cascade, config=config.sequence, banned=banned, progress=lambda done: progress("sequence", done, count)
-        )
+        done = lambda removed: progress("sequence", removed, count)  # noqa: E731
+        if config.method == "physics":
+            found = _by_physics(assembly, bodies, cascade, banned, config, rngs[1], done)
+        else:
+            found = find_disassembly(cascade, config=config.sequence, banned=banned, progress=done)
     witnesses = {assembly.names[part]: separation for part, separation in found.removals}
     order = [assembly.names[found.base], *reversed(witnesses)]
     stuck = [_unsolved(assembly, part, separation) for part, separation in found.stuck]
@@ -135,6 +145,23 @@ def _attempt(
         report = verify_plan(draft, assembly, config=config.verify)
     progress("verify", 1, 1)
     return _judge(found, assembly, motions, steps, tuple(unsolved), report, frozenset(failed), config)
+
+
+def _by_physics(
+    assembly: Assembly,
+    bodies: Mapping[str, Body],
+    cascade: Cascade,
+    banned: frozenset[Ban],
+    config: PipelineConfig,
+    rng: np.random.Generator,
+    progress: Callable[[int], None],
+) -> DisassemblyResult:
+    """Algorithm 1; a part that a later level refused is not pushed again."""
+    options = {"config": config.algorithm1, "refused": frozenset(part for part, _ in banned), "progress": progress}
+    if not (config.executable and config.contacts):
+        return plan_disassembly(cascade.blocking, **options)
+    executable = Executability(assembly, bodies, gripper=named_gripper(config.gripper), config=config.contact, rng=rng)
+    return plan_disassembly(cascade.blocking, is_executable=executable, **options)
 
 
 def _contacts(

@@ -81,9 +81,7 @@ def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, conf
     return PhysicsResult(removal=None, blocked_by=tuple(sorted(met)), reason=reason, pushes=pushes)
 
 
-def pushes_at(
-    paths: Paths, D: Float[np.ndarray, "4 4"], *, config: PhysicsConfig
-) -> list[Float[np.ndarray, "6"]]:
+def pushes_at(paths: Paths, D: Float[np.ndarray, "4 4"], *, config: PhysicsConfig) -> list[Float[np.ndarray, "6"]]:
     """Return the pushes to try at a rest pose: unit wrenches (force, torque over radius) about the part's centre."""
     pushes = []
     if config.slippage_pushes:

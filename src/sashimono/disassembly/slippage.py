@@ -63,14 +63,10 @@ def find_contacts(paths: Paths, D: Float[np.ndarray, "4 4"], *, gap: float, faci
             normals.append(sign * gradients[touching] @ T_second[:3, :3].T)
             arms.append(se3.apply(T_first, first.samples[inside][touching]) - center)
             gaps.append(distances[touching] + allowed)
-    return Contacts(
-        np.concatenate(normals), np.concatenate(arms) / a.radius, np.concatenate(gaps) / a.radius
-    )
+    return Contacts(np.concatenate(normals), np.concatenate(arms) / a.radius, np.concatenate(gaps) / a.radius)
 
 
-def free_twists(
-    paths: Paths, D: Float[np.ndarray, "4 4"], *, config: SlippageConfig
-) -> list[Float[np.ndarray, "6"]]:
+def free_twists(paths: Paths, D: Float[np.ndarray, "4 4"], *, config: SlippageConfig) -> list[Float[np.ndarray, "6"]]:
     """Return spatial twists, in the world frame, that the contacts leave free; each moves by about the part's radius.
 
     Signs matter: a twist and its reverse are both listed where both are free. Most free first.

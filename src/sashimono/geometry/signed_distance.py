@@ -294,9 +294,7 @@ def _query(points, boxes, links, triangles, normals, out):  # pragma: no cover -
 @njit(cache=True, nogil=True)
 def _normals(points, bound, boxes, links, triangles, normals, out):  # pragma: no cover - compiled
     for k in range(points.shape[0]):
-        out[k] = nearest_normal(
-            points[k, 0], points[k, 1], points[k, 2], bound, boxes, links, triangles, normals
-        )
+        out[k] = nearest_normal(points[k, 0], points[k, 1], points[k, 2], bound, boxes, links, triangles, normals)
 
 
 @njit(cache=True, nogil=True)
