@@ -7,7 +7,7 @@ drift are taken up by fitting the part back between its contacts after each stre
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -33,6 +33,8 @@ class SimulateConfig:
     """How axes are read off contacts and geometry."""
     slack: float = 0.005
     """How much a contact may close unhindered, so that zero clearance and facets do not wedge."""
+    wide_snap: float = np.radians(20.0)
+    """Angle to a line of the geometry [rad] below which that is tried as the axis too."""
     iterations: int = 100
     """Rounds of the contact solver."""
     solver_tolerance: float = 1e-4
@@ -83,11 +85,11 @@ def simulate(
     poses, met, helix = [D], set(), _Helix(config)
     stretches = short = 0
     while stretches < config.max_stretches and short < 2:
-        twist = _response(paths, poses[-1], push, helix, config)
-        if twist is None:
+        twists = _responses(paths, poses[-1], push, helix, config)
+        if not twists:
             break
         stretches += 1
-        u, stopper = paths.halt(poses[-1], twist)
+        twist, u, stopper = _farthest(paths, poses[-1], twists)
         if stopper is None and not twist[3:].any():
             return _finished([*poses, se3.exp(twist) @ poses[-1]], _unit(twist[:3]), met, stretches)
         if stopper is not None:
@@ -158,34 +160,66 @@ def _finished(
     )
 
 
-def _response(
+def _responses(
     paths: Paths,
     D: Float[np.ndarray, "4 4"],
     push: Float[np.ndarray, "6"],
     helix: _Helix,
     config: SimulateConfig,
-) -> Float[np.ndarray, "6"] | None:
-    """The screw that the part follows now: a whole stretch of it, spatial, world frame; None at rest."""
+) -> list[Float[np.ndarray, "6"]]:
+    """The screws that the part may follow now, likeliest first: whole stretches, spatial, world frame; none at rest.
+
+    Contact at sampled points tells a screw to some degrees only; how far the part gets along it tells the rest.
+    """
     contacts = find_contacts(paths, D, gap=config.gap, facing=config.slippage.facing)
     slack = config.slack * paths.size / paths.body.radius
     contacts = Contacts(contacts.normals, contacts.arms, np.maximum(contacts.gaps, 0.0) + slack)
     options = {"iterations": config.iterations, "tolerance": config.solver_tolerance}
     answer = sliding_twist(contacts, push, friction=config.friction, **options)
     if np.linalg.norm(answer) < config.rest:
-        return None
-    answer = snapped(contacts.rows, answer, paths.blocking.directions, config=config.slippage)
-    radius = paths.body.radius
-    twist = spatial_twist(answer, se3.apply(D, paths.center[None])[0], radius)
+        return []
+    lines = paths.blocking.directions
+    likely = []
+    for snap in (config.slippage.snap, config.wide_snap):
+        along = snapped(contacts.rows, answer, lines, config=replace(config.slippage, snap=snap))
+        if not any(np.allclose(along, other) for other in likely):
+            likely.append(along)
+    twists = [_stretch(paths, D, twist, config) for twist in likely]
+    known = helix.twist
+    # along a thread, the stretches so far tell axis and pitch better than the contacts of one pose
+    if known is not None:
+        whole = twists[0] * (config.turn / max(float(np.linalg.norm(twists[0][3:])), 1e-9))
+        if paths.rate(D, known - whole) < 0.5 * paths.rate(D, whole):
+            twists.insert(0, known)
+    return twists
+
+
+def _stretch(
+    paths: Paths, D: Float[np.ndarray, "4 4"], answer: Float[np.ndarray, "6"], config: SimulateConfig
+) -> Float[np.ndarray, "6"]:
+    """As far along a twist about the centre as is followed at once: out by a translation, a part of a turn else."""
+    twist = spatial_twist(answer, se3.apply(D, paths.center[None])[0], paths.body.radius)
     turn = float(np.linalg.norm(twist[3:]))
     if turn < 0.02 * float(np.linalg.norm(answer[:3])):
         direction = _unit(answer[:3])
         return np.concatenate([paths.way_out(D, direction) * direction, np.zeros(3)])
-    twist *= config.turn / turn
-    known = helix.twist
-    # along a thread, the stretches so far tell axis and pitch better than the contacts of one pose
-    if known is not None and paths.rate(D, known - twist) < 0.5 * paths.rate(D, twist):
-        return known
-    return twist * config.first_turn / config.turn
+    return twist * (config.first_turn / turn)
+
+
+def _farthest(
+    paths: Paths, D: Float[np.ndarray, "4 4"], twists: list[Float[np.ndarray, "6"]]
+) -> tuple[Float[np.ndarray, "6"], float, int | None]:
+    """The first of the twists that nothing stops, else the one along which the part comes farthest; u, and what stops."""
+    best = (twists[0], 0.0, None)
+    far = -1.0
+    for twist in twists:
+        u, stopper = paths.halt(D, twist)
+        if stopper is None:
+            return twist, u, None
+        way = u * paths.rate(D, twist)
+        if way > far:
+            best, far = (twist, u, stopper), way
+    return best
 
 
 def _unit(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
