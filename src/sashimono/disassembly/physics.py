@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -37,6 +37,8 @@ class PhysicsConfig:
     half of what straight removals may: paths that use it up (out of the last turn of a thread) hit between probes."""
     max_pushes: int = 80
     """Pushes simulated for one part."""
+    max_stretches: int = 60
+    """Stretches followed for one part, over all pushes."""
     novelty: float = 0.05
     """A rest pose nearer than this share of the part's smallest extent to a known one is not new."""
 
@@ -60,12 +62,14 @@ def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, conf
     queue = deque([start])
     known = [np.eye(4)]
     met: set[int] = set()
-    pushes = 0
-    while queue and pushes < config.max_pushes:
+    pushes = stretches = 0
+    while queue and pushes < config.max_pushes and stretches < config.max_stretches:
         before = queue.popleft()
         for push in pushes_at(paths, before[-1], config=config)[: config.max_pushes - pushes]:
+            left = min(config.simulate.max_stretches, config.max_stretches - stretches)
+            outcome = simulate(paths, before[-1], push, config=replace(config.simulate, max_stretches=left))
             pushes += 1
-            outcome = simulate(paths, before[-1], push, config=config.simulate)
+            stretches += outcome.stretches
             if outcome.exit_direction is not None:
                 return PhysicsResult(removal=outcome.removal(before), pushes=pushes)
             met.update(outcome.met)
@@ -74,8 +78,8 @@ def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, conf
                 known.append(rest)
                 queue.append(np.concatenate([before[:-1], outcome.displacements]))
     reason = (
-        f"physics ran out of its budget of {config.max_pushes} pushes"
-        if queue
+        f"physics ran out of its budget of {config.max_pushes} pushes and {config.max_stretches} stretches"
+        if queue or stretches >= config.max_stretches
         else f"no push leads to a new rest pose after {pushes} pushes"
     )
     return PhysicsResult(removal=None, blocked_by=tuple(sorted(met)), reason=reason, pushes=pushes)

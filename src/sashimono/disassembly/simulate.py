@@ -209,7 +209,7 @@ def _stretch(
 def _farthest(
     paths: Paths, D: Float[np.ndarray, "4 4"], twists: list[Float[np.ndarray, "6"]]
 ) -> tuple[Float[np.ndarray, "6"], float, int | None]:
-    """The first of the twists that nothing stops, else the one along which the part comes farthest; u, and what stops."""
+    """The first twist that nothing stops, else the one along which the part comes farthest; u, and what stops it."""
     best = (twists[0], 0.0, None)
     far = -1.0
     for twist in twists:
