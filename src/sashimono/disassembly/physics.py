@@ -37,8 +37,8 @@ class PhysicsConfig:
     half of what straight removals may: paths that use it up (out of the last turn of a thread) hit between probes."""
     max_pushes: int = 80
     """Pushes simulated for one part."""
-    max_stretches: int = 60
-    """Stretches followed for one part, over all pushes."""
+    max_stretches: int = 24
+    """Stretches followed for one part over all pushes, but for those that follow a known screw unhindered."""
     novelty: float = 0.05
     """A rest pose nearer than this share of the part's smallest extent to a known one is not new."""
 

@@ -47,8 +47,10 @@ class SimulateConfig:
     """Largest turn of one stretch [rad]; geodesics need less than π."""
     first_turn: float = np.pi / 12.0
     """Largest turn of a stretch that no stretch before it confirms [rad]."""
-    max_stretches: int = 80
-    """Stretches of one push."""
+    max_stretches: int = 20
+    """Stretches of one push, but for those that follow a known screw unhindered."""
+    max_confirmed: int = 120
+    """Stretches of one push that follow a known screw unhindered."""
     centering: int = 2
     """Gauss-Newton steps that fit the part between its contacts after a stretch."""
 
@@ -64,7 +66,7 @@ class Simulated:
     met: tuple[int, ...]
     """Parts that stopped it."""
     stretches: int
-    """Stretches followed."""
+    """Stretches followed, but for those along a known screw."""
 
     def removal(self, before: Float[np.ndarray, "waypoint 4 4"]) -> Removal:
         """Return the removal that this push completes, after the waypoints that led to where it began."""
@@ -83,13 +85,16 @@ def simulate(
     stretch in the answer has been checked.
     """
     poses, met, helix = [D], set(), _Helix(config)
-    stretches = short = 0
-    while stretches < config.max_stretches and short < 2:
+    stretches = short = confirmed = 0
+    while stretches < config.max_stretches and confirmed < config.max_confirmed and short < 2:
         twists = _responses(paths, poses[-1], push, helix, config)
         if not twists:
             break
-        stretches += 1
         twist, u, stopper = _farthest(paths, poses[-1], twists)
+        if stopper is None and twist is helix.twist:
+            confirmed += 1
+        else:
+            stretches += 1
         if stopper is None and not twist[3:].any():
             return _finished([*poses, se3.exp(twist) @ poses[-1]], _unit(twist[:3]), met, stretches)
         if stopper is not None:
@@ -118,14 +123,11 @@ class _Helix:
 
     def __init__(self, config: SimulateConfig) -> None:
         self._turn = config.turn
+        self.twist: np.ndarray | None = None
+        """The mean twist of a whole stretch; None before there is one."""
         self._sum = np.zeros(6)
         self._weight = 0.0
         self._others = False
-
-    @property
-    def twist(self) -> Float[np.ndarray, "6"] | None:
-        """The mean twist of a whole stretch; None before there is one."""
-        return self._sum * (self._turn / self._weight) if self._weight > 0.0 else None
 
     def follow(self, twist: Float[np.ndarray, "6"], contacts: int) -> None:
         """Take in a stretch, and the number of contacts by which its end was fitted."""
@@ -135,21 +137,27 @@ class _Helix:
         else:
             self._sum = self._sum + contacts * twist
             self._weight += contacts * turn
+            self.twist = self._sum * (self._turn / self._weight) if self._weight > 0.0 else None
 
     def smoothed(
         self, paths: Paths, poses: list[np.ndarray], direction: Float[np.ndarray, "3"]
     ) -> tuple[list[np.ndarray], Float[np.ndarray, "3"]] | None:
-        """The poses, all stretches replaced by the mean one, an exit along its axis at the end; None if it hits."""
+        """The poses, all stretches replaced by the mean one, an exit along its axis at the end; None if it hits.
+
+        If it can, the part follows the screw for one stretch more: out of the last turn, straight exits graze.
+        """
         twist = self.twist
         if twist is None or self._others:
             return None
         axis = _unit(twist[3:])
         direction = axis if float(axis @ direction) > 0.0 else -axis
-        total = sum(float(np.linalg.norm(between(a, b)[3:])) for a, b in pairwise(poses))
-        count = len(poses) - 1
-        smooth = [se3.exp(twist * (k * total / (self._turn * count))) @ poses[0] for k in range(count + 1)]
-        end = paths.exit(smooth[-1], direction)
-        return ([*smooth, end], direction) if end is not None and paths.check(np.array(smooth)) else None
+        turn = sum(float(np.linalg.norm(between(a, b)[3:])) for a, b in pairwise(poses)) / self._turn
+        for whole, count in ((turn + 1.0, len(poses)), (turn, len(poses) - 1)):
+            smooth = [se3.exp(twist * (k * whole / count)) @ poses[0] for k in range(count + 1)]
+            end = paths.exit(smooth[-1], direction)
+            if end is not None and paths.check(np.array(smooth)):
+                return [*smooth, end], direction
+        return None
 
 
 def _finished(
