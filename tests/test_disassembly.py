@@ -23,6 +23,7 @@ from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import minimal
+from sashimono.disassembly.physics import PhysicsConfig
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.sequence import DisassemblyResult, SequenceConfig, find_disassembly
 from sashimono.disassembly.subassembly import find_subassembly
@@ -30,7 +31,9 @@ from sashimono.disassembly.translation import TranslationConfig
 from sashimono.geometry import se3
 from sashimono.plan import Answer
 
-CONFIG = SeparateConfig(translation=TranslationConfig(max_expansions=8))
+CONFIG = SeparateConfig(
+    translation=TranslationConfig(max_expansions=8), physics=PhysicsConfig(max_pushes=4, max_stretches=4)
+)
 
 
 def cascade_of(parts: Assembly) -> Cascade:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import igl
 import numpy as np
 import pytest
 import trimesh
@@ -462,3 +463,13 @@ def test_a_compound_weighs_and_measures_as_its_members_together() -> None:
     points = np.array([[0.0, 0.0, 2.25], [0.0, 0.0, 1.5], [1.5, 0.0, 0.0], [0.0, 0.75, 1.5]]) * MM
     np.testing.assert_allclose(both.distance(points), np.array([0.25, -0.5, 0.5, 0.25]) * MM, atol=1e-9)
     np.testing.assert_allclose(both.nearest_normal(points[[0, 2, 3]]), [[0, 0, 1], [1, 0, 0], [0, 1, 0]], atol=1e-9)
+
+
+def test_the_sign_of_a_distance_is_right_beside_needle_triangles(truth_folder: Any) -> None:
+    """The thread's faces are needles: signs as the winding number has them, near the surface and far."""
+    nut = read_assembly(truth_folder / "thread_clr0", unit="mm").part("nut")
+    body = Body("nut", nut.vertices_part, nut.faces, samples=1000)
+    rng = np.random.default_rng(5)
+    near = nut.vertices_part[rng.integers(0, len(nut.vertices_part), 400)] + rng.normal(0.0, 1e-4, (400, 3))
+    inside = igl.winding_number(nut.vertices_part, nut.faces.astype(np.int64), near) > 0.5
+    np.testing.assert_array_equal(body.distance(near) < 0.0, inside)

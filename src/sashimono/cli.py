@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Literal, NoReturn, cast
 
 import typer
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
 """Exit status."""
 
-METHODS = ("cascade",)
+METHODS = ("cascade", "physics")
 """What ``--method`` takes in this version."""
 
 app = typer.Typer(
@@ -117,7 +117,7 @@ def plan(
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for plan.json, plan.html and plan.glb")],
     unit: Unit = None,
     seed: Seed = 0,
-    method: Annotated[str, typer.Option(help="how removals are found: cascade")] = "cascade",
+    method: Annotated[str, typer.Option(help="how removals are found: cascade, or physics (Algorithm 1)")] = "cascade",
     gripper: Annotated[str, typer.Option(metavar="NAME", help="a gripper's name, or auto: in proportion")] = "auto",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
 ) -> int:
@@ -125,7 +125,7 @@ def plan(
     if method not in METHODS:
         raise SashimonoError(f"--method {method} is not in this version. Choose one of: {', '.join(METHODS)}.")
     _refuse_unwritable(out)
-    return _plan_and_write(source, out, unit=unit, seed=seed, gripper=gripper, contacts=contacts)
+    return _plan_and_write(source, out, unit=unit, seed=seed, method=method, gripper=gripper, contacts=contacts)
 
 
 @app.command()
@@ -263,6 +263,7 @@ def _plan_and_write(
     *,
     unit: str | None,
     seed: int,
+    method: str = "cascade",
     gripper: str = "auto",
     contacts: bool = True,
     copy_input: bool = False,
@@ -277,7 +278,9 @@ def _plan_and_write(
     for note in assembly.notes:
         typer.echo(f"note: {note}", err=True)
     with progress_display() as progress:
-        config = PipelineConfig(gripper=gripper, contacts=contacts)
+        config = PipelineConfig(
+            method=cast("Literal['cascade', 'physics']", method), gripper=gripper, contacts=contacts
+        )
         found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
     _write(found, assembly, out, copied=source if copy_input else None)
     for line in summary_lines(found, assembly):

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
-from sashimono.contact import ContactConfig, named_gripper
+from sashimono.contact import ContactConfig, Executability, named_gripper
+from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
+from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.sequence import Ban, DisassemblyResult, SequenceConfig, find_disassembly
 from sashimono.geometry.body import SampleConfig
@@ -30,6 +33,12 @@ logger = logging.getLogger(__name__)
 class PipelineConfig:
     """Options of every level, and how often they go back to one another."""
 
+    method: Literal["cascade", "physics"] = "cascade"
+    """How removals are found: the cascade, or the paper's Algorithm 1."""
+    algorithm1: Algorithm1Config = field(default_factory=Algorithm1Config)
+    """Options of the method ``physics``."""
+    executable: bool = True
+    """Whether the method ``physics`` takes a part out only if a grasp for it exists (``isExec``)."""
     samples: SampleConfig = field(default_factory=SampleConfig)
     separate: SeparateConfig = field(default_factory=SeparateConfig)
     sequence: SequenceConfig = field(default_factory=SequenceConfig)
@@ -113,9 +122,7 @@ def _attempt(
     assembly = planner.assembly
     count = len(assembly) - 1
     with planner.stage("sequence"):
-        found = find_disassembly(
-            cascade, config=config.sequence, banned=banned, progress=lambda done: progress("sequence", done, count)
-        )
+        found = _take_apart(planner, cascade, banned, config, rngs[1], lambda done: progress("sequence", done, count))
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
     draft = _draft(assembly, level.table, level.steps, level.unsolved)
     with planner.stage("verify"):
@@ -132,6 +139,27 @@ def _attempt(
         refused=level.refused | judge.refused,
         verified=not (report.problems or unsolved),
     )
+
+
+def _take_apart(
+    planner: TreePlanner,
+    cascade: Cascade,
+    banned: frozenset[Ban],
+    config: PipelineConfig,
+    rng: np.random.Generator,
+    progress: Callable[[int], None],
+) -> DisassemblyResult:
+    """Level 1: the cascade, or Algorithm 1, where a part that a later level refused is not pushed again."""
+    if config.method == "cascade":
+        return find_disassembly(cascade, config=config.sequence, banned=banned, progress=progress)
+    refused = frozenset(part for members, _ in banned for part in bits(members))
+    options = {"config": config.algorithm1, "refused": refused, "progress": progress}
+    if not (config.executable and config.contacts):
+        return plan_disassembly(cascade.blocking, **options)
+    executable = Executability(
+        planner.assembly, planner.bodies, gripper=named_gripper(config.gripper), config=config.contact, rng=rng
+    )
+    return plan_disassembly(cascade.blocking, is_executable=executable, **options)
 
 
 class _Judge:

@@ -2,6 +2,7 @@
 
 from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
+from sashimono.contact.executable import Executability
 from sashimono.contact.grasp import ContactChoice, choose_contact, choose_contacts
 from sashimono.contact.gripper import PRESETS, Gripper, named_gripper, proportionate_gripper
 
@@ -9,6 +10,7 @@ __all__ = [
     "PRESETS",
     "ContactChoice",
     "ContactConfig",
+    "Executability",
     "Gripper",
     "Obstacle",
     "choose_contact",

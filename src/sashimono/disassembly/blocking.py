@@ -60,6 +60,7 @@ class Blocking:
     """
 
     def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: BlockingConfig) -> None:
+        self.assembly = assembly
         self.config = config
         self.bodies = [bodies[name] for name in assembly.names]
         self.poses = [part.T_world_part for part in assembly.parts]

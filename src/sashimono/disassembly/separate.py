@@ -2,13 +2,14 @@
 
 Each stage is asked only what the one before left open. Blocking tries single translations along the
 assembly's directions; then directions taken from the part's own contacts; then several translations
-in a row. A "no" is remembered with the parts it was found among, so that larger sets fail free.
+in a row; then pushes simulated with contact and friction, which turn parts out too. A "no" is
+remembered with the parts it was found among, so that larger sets fail free.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from sashimono.assembly import Assembly
 from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
 from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.contacts import ContactNormals, escape_directions, immobile_margin
+from sashimono.disassembly.physics import PhysicsConfig, search_physics
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation import TranslationConfig, search_translations
 from sashimono.geometry.body import Body
@@ -29,6 +31,7 @@ class SeparateConfig:
 
     blocking: BlockingConfig = field(default_factory=BlockingConfig)
     translation: TranslationConfig = field(default_factory=TranslationConfig)
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     contact_gap: float = 0.01
     """Surfaces nearer than this share of the smaller part's extent touch."""
     escape_samples: int = 2000
@@ -64,6 +67,7 @@ class Cascade:
         self._contacts = ContactNormals(self.blocking, gap=config.contact_gap)
         self._failed: dict[int, list[tuple[int, Separation]]] = {}
         self._found: dict[int, list[tuple[int, Separation]]] = {}
+        self._resting: dict[int, list[tuple[int, Separation]]] = {}
 
     def single(
         self,
@@ -96,6 +100,25 @@ class Cascade:
         memory.setdefault(part, []).append((others, separation))
         return separation
 
+    def pushed(self, part: int, remaining: int) -> Separation:
+        """Return what physics says of a part that no translation frees; where it finds nothing, both reasons."""
+        others = remaining & ~(1 << part)
+        known = self.further(part, remaining)
+        if known.answer is Answer.FREE:
+            return known
+        for stuck, separation in self._resting.get(part, []):
+            if stuck & ~others == 0:
+                return separation
+        found = search_physics(self.blocking, part, bits(others), config=self.config.physics)
+        if found.removal is not None:
+            separation = Separation(answer=Answer.FREE, removal=found.removal, stage="physics")
+            self._found.setdefault(part, []).append((others, separation))
+            return separation
+        blocked_by = known.blocked_by or found.blocked_by
+        separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {found.reason}")
+        self._resting.setdefault(part, []).append((others, separation))
+        return separation
+
     def touching(self, part: int) -> int:
         """Return the mask of the parts that touch this one in the assembled pose."""
         mask = 0
@@ -114,7 +137,7 @@ class Cascade:
         for part in range(len(self.blocking)):
             witness = self._single_clauses(part)
             if 0 not in witness and len(self.blocking) > 1:
-                separation = self.further(part, everything)
+                separation = self.pushed(part, everything)
                 if separation.removal is not None:
                     witness = {0: separation.removal}
             kept = minimal(witness)

@@ -112,10 +112,13 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
             # the base itself can go: keep another one instead, the best of those that are left
             protected = chooser.base_among(remaining & ~(1 << protected))
             continue
+        # translations of all parts, then of groups, come before physics of any: they cost less
         if choice is None:
-            choice, stuck = chooser.next_further(remaining, protected)
+            choice, stuck = chooser.next_further(remaining, protected, chooser.cascade.further)
         if choice is None:
             choice = chooser.next_subassembly(remaining, protected)
+        if choice is None:
+            choice, stuck = chooser.next_further(remaining, protected, chooser.cascade.pushed)
         if choice is None:
             break
         stuck = []
@@ -196,14 +199,16 @@ class _Chooser:
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
 
-    def next_further(self, remaining: int, protected: int) -> tuple[Departure | None, list[tuple[int, Separation]]]:
-        """A part that the later stages free, the protected one last; else what they say of every part."""
-        said = []
+    def next_further(
+        self, remaining: int, protected: int, ask: Callable[[int, int], Separation]
+    ) -> tuple[Departure | None, list[tuple[int, Separation]]]:
+        """A part that a later stage frees, the protected one last; else what it says of every part."""
+        said: list[tuple[int, Separation]] = []
         parts = sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k))
         for part in parts:
             if (1 << part, -1) in self.banned:
                 continue
-            separation = self.cascade.further(part, remaining)
+            separation = ask(part, remaining)
             if separation.answer is Answer.FREE:
                 return Departure(part=part, members=1 << part, separation=separation), []
             said.append((part, separation))

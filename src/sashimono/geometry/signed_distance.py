@@ -36,12 +36,26 @@ class SignedDistance:
         """The boxes (node, 6), links (node, 2), triangles (face, 3, 3) and unit face normals, in tree order."""
         return self._boxes, self._links, self._triangles, self._normals[:, 0]
 
+    @property
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The boxes (node, 6), links (node, 2), triangles (face, 3, 3) and pseudonormals (face, 7, 3), in tree order:
+        what the compiled functions `nearest`, `nearest_normal` and `signed_distance` take."""
+        return self._boxes, self._links, self._triangles, self._normals
+
     def query(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the signed distance of each point [m], negative inside."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         out = np.empty(len(points))
         _query(points, self._boxes, self._links, self._triangles, self._normals, out)
         return out
+
+    def normals(
+        self, points: Float[np.ndarray, "n 3"], bound: float
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
+        """Return the signed distance [m] and its unit gradient at points nearer than ``bound``; (inf, 0) elsewhere."""
+        out = np.empty((len(points), 4))
+        _normals(np.ascontiguousarray(points, dtype=np.float64), bound, *self.arrays, out)
+        return out[:, 0], out[:, 1:]
 
     def depth(self, points: Float[np.ndarray, "n 3"], T: Float[np.ndarray, "4 4"]) -> float:
         """Return how deep the deepest of the points, moved by T, lies inside [m]; 0 if none does."""
@@ -178,7 +192,7 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
         return t[1, 0], t[1, 1], t[1, 2], 2
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        v = d1 / (d1 - d3)
+        v = d1 / (d1 - d3) if d1 > d3 else 0.0  # an edge of no length
         return t[0, 0] + v * abx, t[0, 1] + v * aby, t[0, 2] + v * abz, 4
     cpx, cpy, cpz = x - t[2, 0], y - t[2, 1], z - t[2, 2]
     d5 = abx * cpx + aby * cpy + abz * cpz
@@ -187,11 +201,11 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
         return t[2, 0], t[2, 1], t[2, 2], 3
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        w = d2 / (d2 - d6)
+        w = d2 / (d2 - d6) if d2 > d6 else 0.0
         return t[0, 0] + w * acx, t[0, 1] + w * acy, t[0, 2] + w * acz, 6
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6)) if d4 - d3 + d5 - d6 > 0.0 else 0.0
         return (
             t[1, 0] + w * (t[2, 0] - t[1, 0]),
             t[1, 1] + w * (t[2, 1] - t[1, 1]),
@@ -207,14 +221,15 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _signed_distance(x, y, z, boxes, links, triangles, normals):  # pragma: no cover - compiled
+def nearest(x, y, z, bound, boxes, links, triangles, normals):  # pragma: no cover - compiled
+    """Signed distance of one point, its nearest triangle and the feature of it; (inf, -1, 0) past ``bound``."""
     nodes = np.empty(_STACK_SIZE, np.int32)
     bounds = np.empty(_STACK_SIZE)
     nodes[0] = 0
     bounds[0] = _box_distance2(x, y, z, boxes[0])
     top = 1
-    best = np.inf
-    sign = 1.0
+    best = bound * bound
+    sign, found, kind = 1.0, -1, 0
     while top > 0:
         top -= 1
         if bounds[top] > best:
@@ -227,7 +242,7 @@ def _signed_distance(x, y, z, boxes, links, triangles, normals):  # pragma: no c
                 dx, dy, dz = x - qx, y - qy, z - qz
                 d2 = dx * dx + dy * dy + dz * dz
                 if d2 < best:
-                    best = d2
+                    best, found, kind = d2, m, feature
                     normal = normals[m, feature]
                     sign = -1.0 if dx * normal[0] + dy * normal[1] + dz * normal[2] < 0.0 else 1.0
             continue
@@ -245,13 +260,41 @@ def _signed_distance(x, y, z, boxes, links, triangles, normals):  # pragma: no c
             nodes[top] = near
             bounds[top] = d_near
             top += 1
-    return sign * np.sqrt(best)
+    if found < 0:
+        return np.inf, found, kind
+    return sign * np.sqrt(best), found, kind
+
+
+@njit(cache=True, nogil=True)
+def signed_distance(x, y, z, boxes, links, triangles, normals):  # pragma: no cover - compiled
+    """Signed distance of one point."""
+    return nearest(x, y, z, np.inf, boxes, links, triangles, normals)[0]
+
+
+@njit(cache=True, nogil=True)
+def nearest_normal(x, y, z, bound, boxes, links, triangles, normals):  # pragma: no cover - compiled
+    """Signed distance of one point, and its gradient; on the surface, the normal there. (inf, 0) past ``bound``."""
+    d, m, kind = nearest(x, y, z, bound, boxes, links, triangles, normals)
+    if m < 0:
+        return d, 0.0, 0.0, 0.0
+    if kind > 0 and abs(d) > 1e-6 * bound:
+        qx, qy, qz, _ = _closest(x, y, z, triangles[m])
+        return d, (x - qx) / d, (y - qy) / d, (z - qz) / d
+    n = normals[m, kind]
+    length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    return d, n[0] / length, n[1] / length, n[2] / length
 
 
 @njit(cache=True, nogil=True)
 def _query(points, boxes, links, triangles, normals, out):  # pragma: no cover - compiled
     for k in range(points.shape[0]):
-        out[k] = _signed_distance(points[k, 0], points[k, 1], points[k, 2], boxes, links, triangles, normals)
+        out[k] = signed_distance(points[k, 0], points[k, 1], points[k, 2], boxes, links, triangles, normals)
+
+
+@njit(cache=True, nogil=True)
+def _normals(points, bound, boxes, links, triangles, normals, out):  # pragma: no cover - compiled
+    for k in range(points.shape[0]):
+        out[k] = nearest_normal(points[k, 0], points[k, 1], points[k, 2], bound, boxes, links, triangles, normals)
 
 
 @njit(cache=True, nogil=True)
@@ -271,7 +314,7 @@ def _depth(points, T, boxes, links, triangles, normals):  # pragma: no cover - c
             or z >= boxes[0, 5] - deepest
         ):
             continue
-        deepest = max(deepest, -_signed_distance(x, y, z, boxes, links, triangles, normals))
+        deepest = max(deepest, -signed_distance(x, y, z, boxes, links, triangles, normals))
     return deepest
 
 
@@ -295,7 +338,7 @@ def _march(points, direction, length, limit, least_step, boxes, links, triangles
                 stop = min(stop, max(t0, t1))
         t = start
         while t <= stop:
-            depth = -_signed_distance(
+            depth = -signed_distance(
                 points[k, 0] + t * direction[0],
                 points[k, 1] + t * direction[1],
                 points[k, 2] + t * direction[2],

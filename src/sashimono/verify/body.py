@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 _FANOUT = 8
 _WALL_RAYS = 600
-_ON_FEATURE = 1e-7  # barycentric coordinate below which a closest point counts as lying on an edge or corner
+_ON_FEATURE = 1e-9  # distance, over the size, below which a closest point counts as lying on an edge or corner
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,20 +118,17 @@ class Body:
         self, points: Float[np.ndarray, "n 3"], closest: Float[np.ndarray, "n 3"], face: Int[np.ndarray, "n"]
     ) -> Bool[np.ndarray, "n"]:
         corners = self.vertices[self.faces[face]]
-        ab, ac, ap = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], closest - corners[:, 0]
-        d00, d01, d11 = _dot(ab, ab), _dot(ab, ac), _dot(ac, ac)
-        d20, d21 = _dot(ap, ab), _dot(ap, ac)
-        scale = d00 * d11 - d01 * d01
-        with np.errstate(divide="ignore", invalid="ignore"):
-            b1, b2 = (d11 * d20 - d01 * d21) / scale, (d00 * d21 - d01 * d20) / scale
-        low = np.stack([1.0 - b1 - b2, b1, b2], axis=1) < _ON_FEATURE
-        # 0: inside the face; 1 to 3: at the corner where the two other coordinates vanish; 4 to 6: on the edge
-        # opposite to the one that vanishes
-        feature = np.select(
-            [low[:, 1] & low[:, 2], low[:, 0] & low[:, 2], low[:, 0] & low[:, 1], low[:, 2], low[:, 0], low[:, 1]],
-            [1, 2, 3, 4, 5, 6],
-            default=0,
-        )
+        # by lengths, not barycentric coordinates: on a needle these are all rounding
+        from_corner = np.linalg.norm(closest[:, None] - corners, axis=2)
+        edges = np.roll(corners, -1, axis=1) - corners
+        lengths = np.linalg.norm(edges, axis=2)
+        across = np.linalg.norm(np.cross(edges, closest[:, None] - corners), axis=2)
+        from_edge = np.divide(across, lengths, out=from_corner.copy(), where=lengths > 0.0)
+        near = _ON_FEATURE * self.size
+        corner, edge = from_corner.argmin(axis=1), from_edge.argmin(axis=1)
+        # 0: inside the face; 1 to 3: at a corner; 4 to 6: on an edge, from the first corner on
+        feature = np.where(from_edge.min(axis=1) < near, 4 + edge, 0)
+        feature = np.where(from_corner.min(axis=1) < near, 1 + corner, feature)
         return _dot(points - closest, self._normals[face, feature]) < 0.0
 
 
