@@ -83,7 +83,7 @@ def remaining_sets(truth: Truth, conditions: RemovalConditions, count: int) -> l
         sets = set(range(1, full + 1))
     else:
         rng = np.random.default_rng(0)
-        sets = {sum(1 << k for k in np.flatnonzero(rng.random(count) < 0.5)) for _ in range(4000)}
+        sets = {sum(1 << int(k) for k in np.flatnonzero(rng.random(count) < 0.5)) for _ in range(4000)}
         for _ in range(1000):
             remaining = full
             while remaining:

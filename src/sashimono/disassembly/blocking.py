@@ -17,6 +17,7 @@ from sashimono.assembly import Assembly
 from sashimono.disassembly import raster
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
+from sashimono.geometry.march import march
 from sashimono.geometry.directions import (
     DirectionConfig,
     frame_along,
@@ -188,13 +189,13 @@ class Blocking:
         if length <= 0.0:
             return np.inf
         arguments = {"length": length, "limit": limit, "least_step": step}
-        first, _ = b.signed_distance.march(se3.apply(T_b_a, a.probes), along_b, **arguments)
+        first = march(b.signed_distance, se3.apply(T_b_a, a.probes), along_b, **arguments)
         if first == 0.0:
             return 0.0
         if np.isfinite(first):
             arguments["length"] = first
         back = se3.inverse(T_b_a)
-        second, _ = a.signed_distance.march(se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **arguments)
+        second = march(a.signed_distance, se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **arguments)
         return min(first, second)
 
     def world_bounds_along(self, part: int, direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:

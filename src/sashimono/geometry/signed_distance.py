@@ -12,7 +12,8 @@ from jaxtyping import Float, Int
 from numba import njit
 
 _LEAF_SIZE = 4
-_STACK_SIZE = 128
+STACK_SIZE = 128
+"""Nodes that wait at most in a walk down the hierarchy."""
 _MIDPOINT_LEVELS = 64
 """Below this level nodes are halved by count, so that the depth stays under the stack size."""
 
@@ -36,6 +37,11 @@ class SignedDistance:
         """The boxes (node, 6), links (node, 2), triangles (face, 3, 3) and unit face normals, in tree order."""
         return self._boxes, self._links, self._triangles, self._normals[:, 0]
 
+    @property
+    def tree(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The boxes, links and triangles of `hierarchy`, and the normals (face, 7, 3) of each one's features."""
+        return self._boxes, self._links, self._triangles, self._normals
+
     def query(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the signed distance of each point [m], negative inside."""
         points = np.ascontiguousarray(points, dtype=np.float64)
@@ -46,27 +52,6 @@ class SignedDistance:
     def depth(self, points: Float[np.ndarray, "n 3"], T: Float[np.ndarray, "4 4"]) -> float:
         """Return how deep the deepest of the points, moved by T, lies inside [m]; 0 if none does."""
         return _depth(points, T, self._boxes, self._links, self._triangles, self._normals)
-
-    def march(
-        self,
-        points: Float[np.ndarray, "n 3"],
-        direction: Float[np.ndarray, "3"],
-        *,
-        length: float,
-        limit: float,
-        least_step: float,
-    ) -> tuple[float, float]:
-        """Return how far the points travel along a unit direction before one is deeper than ``limit``.
-
-        Sphere tracing, the points in the mesh frame: one that is d outside cannot be deeper than the
-        limit before it has gone d + limit, so nothing is jumped but dips shorter than ``least_step``.
-        Returns (travel [m], infinite if no point gets too deep within ``length``; deepest depth met [m]).
-        """
-        points = np.ascontiguousarray(points, dtype=np.float64)
-        direction = np.ascontiguousarray(direction, dtype=np.float64)
-        return _march(
-            points, direction, length, limit, least_step, self._boxes, self._links, self._triangles, self._normals
-        )
 
     def contains(self, point: Float[np.ndarray, "3"]) -> bool:
         """Return whether the point lies strictly inside."""
@@ -112,7 +97,7 @@ def _build(triangles):  # pragma: no cover - compiled
             centers[m, k] = (triangles[m, 0, k] + triangles[m, 1, k] + triangles[m, 2, k]) / 3.0
     boxes = np.empty((2 * n + 1, 6))
     links = np.zeros((2 * n + 1, 2), np.int32)
-    todo = np.empty((_STACK_SIZE, 4), np.int64)
+    todo = np.empty((STACK_SIZE, 4), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2], todo[0, 3] = 0, 0, n, 0
     top = 1
     nodes = 1
@@ -162,8 +147,8 @@ def _box_distance2(x, y, z, box):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _closest(x, y, z, t):  # pragma: no cover - compiled
-    """Closest point on a triangle (Ericson, Real-Time Collision Detection, 5.1.5) and its feature."""
+def closest_on_triangle(x, y, z, t):  # pragma: no cover - compiled
+    """Return the closest point on a triangle (Ericson, Real-Time Collision Detection, 5.1.5) and its feature."""
     abx, aby, abz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
     acx, acy, acz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
     apx, apy, apz = x - t[0, 0], y - t[0, 1], z - t[0, 2]
@@ -178,7 +163,7 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
         return t[1, 0], t[1, 1], t[1, 2], 2
     vc = d1 * d4 - d3 * d2
     if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        v = d1 / (d1 - d3)
+        v = d1 / (d1 - d3) if d1 > d3 else 0.0
         return t[0, 0] + v * abx, t[0, 1] + v * aby, t[0, 2] + v * abz, 4
     cpx, cpy, cpz = x - t[2, 0], y - t[2, 1], z - t[2, 2]
     d5 = abx * cpx + aby * cpy + abz * cpz
@@ -187,11 +172,12 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
         return t[2, 0], t[2, 1], t[2, 2], 3
     vb = d5 * d2 - d1 * d6
     if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        w = d2 / (d2 - d6)
+        w = d2 / (d2 - d6) if d2 > d6 else 0.0
         return t[0, 0] + w * acx, t[0, 1] + w * acy, t[0, 2] + w * acz, 6
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        edge = (d4 - d3) + (d5 - d6)
+        w = (d4 - d3) / edge if edge > 0.0 else 0.0
         return (
             t[1, 0] + w * (t[2, 0] - t[1, 0]),
             t[1, 1] + w * (t[2, 1] - t[1, 1]),
@@ -208,13 +194,20 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
 
 @njit(cache=True, nogil=True)
 def _signed_distance(x, y, z, boxes, links, triangles, normals):  # pragma: no cover - compiled
-    nodes = np.empty(_STACK_SIZE, np.int32)
-    bounds = np.empty(_STACK_SIZE)
+    return nearest(x, y, z, boxes, links, triangles, normals)[0]
+
+
+@njit(cache=True, nogil=True)
+def nearest(x, y, z, boxes, links, triangles, normals):  # pragma: no cover - compiled
+    """Return the signed distance of a point [m], and the triangle (in tree order) that is closest to it."""
+    nodes = np.empty(STACK_SIZE, np.int32)
+    bounds = np.empty(STACK_SIZE)
     nodes[0] = 0
     bounds[0] = _box_distance2(x, y, z, boxes[0])
     top = 1
     best = np.inf
     sign = 1.0
+    closest = 0
     while top > 0:
         top -= 1
         if bounds[top] > best:
@@ -223,11 +216,12 @@ def _signed_distance(x, y, z, boxes, links, triangles, normals):  # pragma: no c
         first, count = links[node, 0], links[node, 1]
         if count > 0:
             for m in range(first, first + count):
-                qx, qy, qz, feature = _closest(x, y, z, triangles[m])
+                qx, qy, qz, feature = closest_on_triangle(x, y, z, triangles[m])
                 dx, dy, dz = x - qx, y - qy, z - qz
                 d2 = dx * dx + dy * dy + dz * dz
                 if d2 < best:
                     best = d2
+                    closest = m
                     normal = normals[m, feature]
                     sign = -1.0 if dx * normal[0] + dy * normal[1] + dz * normal[2] < 0.0 else 1.0
             continue
@@ -245,7 +239,7 @@ def _signed_distance(x, y, z, boxes, links, triangles, normals):  # pragma: no c
             nodes[top] = near
             bounds[top] = d_near
             top += 1
-    return sign * np.sqrt(best)
+    return sign * np.sqrt(best), closest
 
 
 @njit(cache=True, nogil=True)
@@ -273,40 +267,3 @@ def _depth(points, T, boxes, links, triangles, normals):  # pragma: no cover - c
             continue
         deepest = max(deepest, -_signed_distance(x, y, z, boxes, links, triangles, normals))
     return deepest
-
-
-@njit(cache=True, nogil=True)
-def _march(points, direction, length, limit, least_step, boxes, links, triangles, normals):
-    # pragma: no cover - compiled
-    travel = np.inf
-    deepest = 0.0
-    for k in range(points.shape[0]):
-        start, stop = 0.0, min(length, travel)
-        for axis in range(3):
-            slope = direction[axis]
-            to_low = boxes[0, axis] - points[k, axis]
-            to_high = boxes[0, 3 + axis] - points[k, axis]
-            if abs(slope) < 1e-15:
-                if to_low > 0.0 or to_high < 0.0:
-                    stop = -1.0
-            else:
-                t0, t1 = to_low / slope, to_high / slope
-                start = max(start, min(t0, t1))
-                stop = min(stop, max(t0, t1))
-        t = start
-        while t <= stop:
-            depth = -_signed_distance(
-                points[k, 0] + t * direction[0],
-                points[k, 1] + t * direction[1],
-                points[k, 2] + t * direction[2],
-                boxes,
-                links,
-                triangles,
-                normals,
-            )
-            deepest = max(deepest, depth)
-            if depth > limit:
-                travel = min(travel, t)
-                break
-            t += max(limit - depth, least_step)
-    return travel, deepest
