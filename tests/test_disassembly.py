@@ -21,7 +21,7 @@ from sashimono.disassembly.translation import TranslationConfig
 from sashimono.geometry import se3
 from sashimono.plan import Answer
 
-CONFIG = SeparateConfig(translation=TranslationConfig(max_expansions=8))
+CONFIG = SeparateConfig(translation=TranslationConfig(max_legs=40))
 
 
 def cascade_of(parts: Assembly) -> Cascade:

@@ -10,13 +10,13 @@ tolerance of a plan. Leaving out obstacles, or points of the part, keeps this tr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
-from sashimono.disassembly.flood import explore, label, steps_back
+from sashimono.disassembly.flood import cast, explore, label, nearest_steps, steps_back
 from sashimono.disassembly.voxels import eroded_lattice
 
 MOST_OBSTACLES = 62
@@ -35,6 +35,8 @@ class SpaceConfig:
     """Most lattice points of the part; of more, evenly many are taken."""
     max_visited: int = 60_000
     """Most displacements visited by one flood."""
+    max_lead: int = 2000
+    """Most visited displacements that are kept to lead the search."""
     tolerance: float = 0.02
     """Depth that a plan may add to the assembled overlap, relative to the smaller part's smallest extent."""
 
@@ -47,8 +49,10 @@ class Flood:
     """Whether there is provably no way out."""
     proof: tuple[int, ...] = ()
     """A few obstacles that already prove it."""
-    steps: Int[np.ndarray, "x y z"] | None = None
-    """Steps to the way out that was found, -1 where the flood did not come."""
+    cells: Int[np.ndarray, "cell 3"] = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    """Displacements visited, on the lattice."""
+    steps: Int[np.ndarray, "cell"] = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Steps from each to the way out that was found."""
 
 
 class Space:
@@ -88,7 +92,7 @@ class Space:
         """Return whether these obstacles (a mask of parts) hold the part, or the steps to a way out."""
         if not len(self._points):  # too thin, or too wide, for this lattice
             return Flood(blocked=False)
-        wanted = sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1) & ~int(self._inside)
+        wanted = self._bits_of(others)
         steps = np.full(self._labels.shape, -1, np.int32)
         queue = np.empty((min(self.config.max_visited, steps.size) + 1, 3), np.int32)
         start = tuple(int(n) for n in self.window[0])
@@ -100,17 +104,38 @@ class Space:
         if count < 0:
             return Flood(blocked=False)
         steps_back(queue, count, steps)
-        return Flood(blocked=False, steps=steps)
+        cells = queue[np.unique(np.linspace(0, count - 1, min(count, self.config.max_lead)).astype(int))]
+        return Flood(blocked=False, cells=cells, steps=steps[cells[:, 0], cells[:, 1], cells[:, 2]])
 
-    def distance(self, steps: Int[np.ndarray, "x y z"], offset: Float[np.ndarray, "3"]) -> float:
-        """Return the steps from a displacement to the way out: 0 past the rim, many where no flood came."""
-        cell = np.round(self.rotation @ offset / self.spacing).astype(int) + self.window[0]
-        if (cell <= 0).any() or (cell >= np.array(steps.shape) - 1).any():
-            return 0.0
-        x, y, z = cell
-        around = steps[x - 1 : x + 2, y - 1 : y + 2, z - 1 : z + 2]
-        around = around[around >= 0]
-        return float(around.min()) if len(around) else float(sum(steps.shape))
+    def distances(self, flood: Flood, offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the lattice steps from displacements to the way out that the flood found, 0 past the rim.
+
+        By way of the nearest displacement that the flood visited: real halts are not on the lattice.
+        """
+        out = np.zeros(len(offsets))
+        places = offsets @ self.rotation.T / self.spacing + self.window[0]
+        if len(flood.cells) and len(places):
+            nearest_steps(flood.cells, flood.steps, places, out)
+            out[((places <= 0.5) | (places >= np.array(self._labels.shape) - 1.5)).any(axis=1)] = 0.0
+        return out
+
+    def travel(
+        self, others: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]
+    ) -> tuple[float, int]:
+        """Return an upper bound of the travel along a direction [m], infinite past the rim, and what stops it there."""
+        if not len(self._points):
+            return np.inf, 0
+        start = self.rotation @ offset / self.spacing + self.window[0]
+        along = self.rotation @ direction
+        steps, mask = cast(
+            self._points, self._owners, self._labels, self._known, start, along, self._bits_of(others)
+        )
+        return steps * self.spacing, sum(1 << self.obstacles[bit] for bit in bits(mask))
+
+    def _bits_of(self, others: int) -> int:
+        """The obstacles as bits, without those that the lattice has in the assembled pose already."""
+        wanted = sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1)
+        return wanted & ~int(self._inside)
 
     def _fill(
         self,

@@ -92,11 +92,6 @@ def steps_back(queue, count, steps):  # pragma: no cover - compiled
     shape = steps.shape
     for n in range(count):
         steps[queue[n, 0], queue[n, 1], queue[n, 2]] = -2
-    for i in range(shape[0]):
-        for j in range(shape[1]):
-            for k in range(shape[2]):
-                if steps[i, j, k] >= 0:
-                    steps[i, j, k] = -1
     todo = np.empty((count, 3), np.int32)
     todo[0] = queue[count - 1]
     steps[todo[0, 0], todo[0, 1], todo[0, 2]] = 0
@@ -111,3 +106,36 @@ def steps_back(queue, count, steps):  # pragma: no cover - compiled
                         steps[x, y, z] = steps[i, j, k] + 1
                         todo[tail, 0], todo[tail, 1], todo[tail, 2] = x, y, z
                         tail += 1
+
+
+@njit(cache=True, nogil=True)
+def cast(points, owners, labels, known, start, direction, obstacles):  # pragma: no cover - compiled
+    """Return the steps along a unit direction until a cell is labelled with one of the obstacles, and its label.
+
+    Infinite, and no label, if the line leaves the lattice before. ``start`` is in lattice steps, not whole ones.
+    """
+    shape = labels.shape
+    travel = 0.0
+    while True:
+        i = int(np.floor(start[0] + travel * direction[0] + 0.5))
+        j = int(np.floor(start[1] + travel * direction[1] + 0.5))
+        k = int(np.floor(start[2] + travel * direction[2] + 0.5))
+        if i <= 0 or j <= 0 or k <= 0 or i >= shape[0] - 1 or j >= shape[1] - 1 or k >= shape[2] - 1:
+            return np.inf, 0
+        mask = label(points, owners, (i, j, k), labels, known) & obstacles
+        if mask != 0:
+            return travel, mask
+        travel += 0.4
+
+
+@njit(cache=True, nogil=True)
+def nearest_steps(cells, steps, places, out):  # pragma: no cover - compiled
+    """Write, for each place, the fewest steps: to a cell visited, and from there to the way out."""
+    for n in range(places.shape[0]):
+        best = np.inf
+        for m in range(cells.shape[0]):
+            far = steps[m] + max(
+                abs(cells[m, 0] - places[n, 0]), abs(cells[m, 1] - places[n, 1]), abs(cells[m, 2] - places[n, 2])
+            )
+            best = min(best, far)
+        out[n] = best

@@ -11,8 +11,10 @@ from sashimono.disassembly.blocking import Blocking
 
 LEVELS_PER_LINE = 16
 """Face levels kept of one part along one line: the ends, then the largest faces."""
-HALTS = 32
-"""Halts on one leg."""
+HALTS = 24
+"""Most halts on one leg."""
+GRAIN = 1e-5
+"""Levels nearer than this, relative to the part's smallest extent, are one."""
 
 
 class Levels:
@@ -37,33 +39,17 @@ class Levels:
             self._levels[key] = np.unique(np.concatenate([ends, ends[0] + merge * largest]))
         return self._levels[key]
 
-    def halts(
-        self,
-        part: int,
-        others: Sequence[int],
-        lines: Float[np.ndarray, "line 3"],
-        offset: Float[np.ndarray, "3"],
-        direction: Float[np.ndarray, "3"],
-        travel: float,
-    ) -> list[float]:
-        """Return the travels, up to the given one, at which faces come level, from a displacement on [m]."""
-        found = [np.zeros(0)]
+    def differences(
+        self, part: int, others: Sequence[int], lines: Float[np.ndarray, "line 3"]
+    ) -> list[Float[np.ndarray, "_"]]:
+        """Return, by line, how far the part must go along it for one of its faces to come level with an obstacle's."""
+        grain = GRAIN * float(self._blocking.sizes[part])
+        out = []
         for line in lines:
-            slope = float(line @ direction)
-            if abs(slope) < 0.1:
-                continue
-            own = self.of(part, line) + float(line @ offset)
-            for other in others:
-                theirs = self.of(other, line)
-                times = ((theirs[:, None] - own[None, :]) / slope).ravel()
-                found.append(times[(times > 0.0) & (times < travel)])
-        times = np.unique(np.round(np.concatenate(found) / (1e-5 * self._blocking.sizes[part]))) * (
-            1e-5 * self._blocking.sizes[part]
-        )
-        times = times[times > 0.0]
-        if len(times) > HALTS:
-            times = times[np.linspace(0, len(times) - 1, HALTS).astype(int)]
-        return [float(t) for t in times]
+            own = self.of(part, line)
+            theirs = np.unique(np.concatenate([self.of(other, line) for other in others]))
+            out.append(grain * np.unique(np.round((theirs[:, None] - own[None, :]).ravel() / grain)))
+        return out
 
     def _normals(self, part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if part not in self._faces:
@@ -75,3 +61,23 @@ class Levels:
                 normals[fine] / areas[fine, None], areas[fine], triangles[fine].mean(axis=1)
             )  # fmt: skip
         return self._faces[part]
+
+
+def halts(
+    differences: Sequence[Float[np.ndarray, "_"]],
+    lines: Float[np.ndarray, "line 3"],
+    offset: Float[np.ndarray, "3"],
+    direction: Float[np.ndarray, "3"],
+    travel: float,
+) -> Float[np.ndarray, "halt"]:
+    """Return the travels, up to the given one, at which faces come level, from a displacement on [m]."""
+    found = []
+    for line, levels in zip(lines, differences, strict=True):
+        slope = float(line @ direction)
+        if abs(slope) > 0.1:
+            found.append((levels - float(line @ offset)) / slope)
+    times = np.concatenate(found) if found else np.zeros(0)
+    times = np.sort(times[(times > 0.0) & (times <= travel)])
+    if len(times) > HALTS:
+        times = times[np.linspace(0, len(times) - 1, HALTS).astype(int)]
+    return times

@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
-from sashimono.disassembly.halts import Levels
+from sashimono.disassembly.halts import Levels, halts
 from sashimono.disassembly.removal import Removal
 
 
@@ -26,8 +26,8 @@ class TranslationConfig:
     """Budgets of the search; they count work, never time."""
 
     space: SpaceConfig = field(default_factory=SpaceConfig)
-    max_expansions: int = 40
-    """Displacements expanded."""
+    max_legs: int = 100
+    """Legs traced, on each lattice."""
     max_directions: int = 12
     """Lines followed from each: the part's own, then the assembly's."""
     least_travel: float = 0.004
@@ -48,7 +48,8 @@ class TranslationResult:
     blocked_by: tuple[int, ...] = ()
     """Without a proof: the parts met."""
     reason: str = ""
-    expansions: int = 0
+    legs: int = 0
+    """Legs traced."""
 
 
 class TranslationSearch:
@@ -75,10 +76,9 @@ class TranslationSearch:
                     reason="proven for translations of this part alone: "
                     "its configuration space has no way out past these parts",
                 )
-            if level == 0:
-                found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
-                if found.removal is not None:
-                    return found
+            found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
+            if found.removal is not None:
+                return found
         return found
 
     def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
@@ -105,7 +105,10 @@ class TranslationSearch:
 
 
 class _BestFirst:
-    """One search: displacements nearest to the way out of the configuration space first."""
+    """One search: legs that end nearest to the way out of the configuration space first.
+
+    A leg is traced only when its turn comes; until then the lattice bounds how long it can be.
+    """
 
     def __init__(
         self,
@@ -117,63 +120,83 @@ class _BestFirst:
         flood: Flood,
         config: TranslationConfig,
     ) -> None:
-        self.blocking, self.levels, self.part, self.others = blocking, levels, part, list(others)
-        self.space, self.steps, self.config = space, flood.steps, config
+        self.blocking, self.part, self.others = blocking, part, list(others)
+        self.space, self.flood, self.config = space, flood, config
+        self.mask = sum(1 << other for other in others)
         self.cell = config.least_travel * float(blocking.sizes[part])
         self.lines = _lines(blocking, part, config.max_directions)
-        self.queue: list[tuple[float, int, np.ndarray, list[np.ndarray]]] = []
+        self.signed = np.stack([self.lines, -self.lines], axis=1).reshape(-1, 3)
+        self.differences = levels.differences(part, others, self.lines)
+        self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
         self.seen: set[tuple[int, ...]] = set()
+        self.reach: dict[tuple[tuple[int, ...], int], float] = {}
         self.met: set[int] = set()
         self.pushed = 0
 
     def run(self) -> TranslationResult:
-        self._push(np.zeros(3), [])
-        expansions = 0
-        while self.queue and expansions < self.config.max_expansions:
-            _, _, offset, path = heapq.heappop(self.queue)
-            expansions += 1
-            reached: list[tuple[np.ndarray, float, int]] = []
-            for line in self.lines:
-                for direction in (line, -line):
-                    travel, stopper = self._travel(offset, direction)
-                    if stopper is None:
-                        removal = self._removal(path, direction)
-                        return TranslationResult(removal=removal, expansions=expansions)
-                    self.met.add(stopper)
-                    reached.append((direction, travel, stopper))
-            for direction, travel, stopper in reached:
-                if travel < self.cell:
-                    continue
-                for halt in self.levels.halts(self.part, self.others, self.lines, offset, direction, travel):
-                    self._push(offset + halt * direction, path)
-                # where curved faces meet there is no level: back off to where they touch
-                back = travel - self.blocking.limit(self.part, stopper)
-                if back > self.cell:
-                    self._push(offset + back * direction, path)
+        """Return the first way out, or that there is none, or that the budget ran out."""
+        self._expand([np.zeros(3)])
+        traced = 0
+        while self.queue and traced < self.config.max_legs:
+            _, _, path, signed, length = heapq.heappop(self.queue)
+            direction = self.signed[signed]
+            key = (self._key(path[-1]), signed)
+            end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
+            if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
+                continue
+            traced += 1
+            travel, stopper = self._travel(path[-1], direction, length)
+            if stopper is None and np.isinf(length):
+                return TranslationResult(removal=self._removal(path, direction), legs=traced)
+            if stopper is None:
+                self._expand([*path, end])
+                continue
+            self.met.add(stopper)
+            self.reach[key] = travel
+            # where curved faces meet there is no level: back off to where they touch
+            back = travel - self.blocking.limit(self.part, stopper)
+            if back > self.cell:
+                self._push(path, signed, np.array([back]))
         reason = (
-            f"translation search ran out of its budget of {expansions} displacements"
+            f"translation search ran out of its budget of {traced} legs"
             if self.queue
             else f"no way out by translations along the {len(self.lines)} lines tried, and no proof that there is none"
         )
-        return TranslationResult(
-            removal=None, blocked_by=tuple(sorted(self.met)), reason=reason, expansions=expansions
-        )
+        return TranslationResult(removal=None, blocked_by=tuple(sorted(self.met)), reason=reason, legs=traced)
 
-    def _push(self, place: Float[np.ndarray, "3"], path: list[np.ndarray]) -> None:
-        key = tuple(int(x) for x in np.round(place / self.cell))
-        if key in self.seen:
-            return
-        self.seen.add(key)
-        self.pushed += 1
-        ahead = 0.0 if self.steps is None else self.space.distance(self.steps, place)
-        cost = ahead + self.config.leg_cost * len(path)
-        heapq.heappush(self.queue, (cost, self.pushed, place, [*path, place]))
+    def _expand(self, path: list[np.ndarray]) -> None:
+        """Queue the legs that start at the end of a path."""
+        self.seen.add(self._key(path[-1]))
+        for signed, direction in enumerate(self.signed):
+            travel, stoppers = self.space.travel(self.mask, path[-1], direction)
+            self.met.update(bits(stoppers))
+            ends = halts(self.differences, self.lines, path[-1], direction, travel)
+            self._push(path, signed, ends[ends > self.cell])
+            if np.isinf(travel) or travel > self.cell:
+                self._push(path, signed, np.array([np.inf]))
+
+    def _push(self, path: list[np.ndarray], signed: int, lengths: Float[np.ndarray, "leg"]) -> None:
+        finite = np.where(np.isfinite(lengths), lengths, 0.0)
+        ends = path[-1] + finite[:, None] * self.signed[signed]
+        ahead = self.space.distances(self.flood, ends)
+        for length, end, steps in zip(lengths.tolist(), ends, ahead.tolist(), strict=True):
+            if np.isinf(length):
+                travel = self.space.travel(self.mask, path[-1], self.signed[signed])[0]
+                steps = 0.0 if np.isinf(travel) else steps
+            elif self._key(end) in self.seen:
+                continue
+            self.pushed += 1
+            cost = steps + self.config.leg_cost * len(path)
+            heapq.heappush(self.queue, (cost, self.pushed, path, signed, length))
+
+    def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
+        return tuple(int(x) for x in np.round(place / self.cell))
 
     def _travel(
-        self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]
+        self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float
     ) -> tuple[float, int | None]:
-        """How far the part goes from an offset, and the obstacle that stops it there."""
-        shortest, stopper = np.inf, None
+        """How far the part goes from an offset, up to a length, and the obstacle that stops it there if one does."""
+        shortest, stopper = length, None
         for meeting, other in self.blocking.met(self.part, offset, direction, self.others):
             if meeting >= shortest:
                 break
