@@ -27,13 +27,13 @@ MOST_OBSTACLES = 62
 class SpaceConfig:
     """Size of the lattices."""
 
-    resolutions: tuple[float, ...] = (4.0, 9.0)
+    resolutions: tuple[float, ...] = (2.5, 5.0, 10.0)
     """Lattice cells to the part's smallest extent: coarse first, the next where that one leaks."""
-    max_cells: int = 1_000_000
+    max_cells: int = 1_500_000
     """Most lattice points around the part; the window of displacements is cut to fit."""
     max_points: int = 3000
     """Most lattice points of the part; of more, evenly many are taken."""
-    max_visited: int = 60_000
+    max_visited: int = 200_000
     """Most displacements visited by one flood."""
     max_lead: int = 2000
     """Most visited displacements that are kept to lead the search."""
@@ -74,8 +74,12 @@ class Space:
         count = np.floor((high - low) / h).astype(int) + 1
         room = np.stack([high - outer[:, 0].min(axis=0), outer[:, 1].max(axis=0) - low])
         window = np.maximum(np.ceil(room / h).astype(int) + 1, 2)
+        self.full = window
+        """Lattice steps down and up at which the part's box is past all others', (2, 3)."""
         self.window = _fit(window, count, config.max_cells)
         """Lattice steps that the displacements reach down and up, (2, 3)."""
+        self.is_cut = bool((self.window < window).any())
+        """Whether the rim of the lattice is not the way out yet."""
         shape = self.window.sum(axis=0) + 1
         corner = low + 0.5 * ((high - low) - (count - 1) * h)
         fits = np.prod(shape + count - 1) <= config.max_cells
@@ -112,12 +116,16 @@ class Space:
 
         By way of the nearest displacement that the flood visited: real halts are not on the lattice.
         """
-        out = np.zeros(len(offsets))
-        places = offsets @ self.rotation.T / self.spacing + self.window[0]
-        if len(flood.cells) and len(places):
-            nearest_steps(flood.cells, flood.steps, places, out)
-            out[((places <= 0.5) | (places >= np.array(self._labels.shape) - 1.5)).any(axis=1)] = 0.0
-        return out
+        places = offsets @ self.rotation.T / self.spacing
+        # past the rim of a window that was cut, what is left is at least the way past all boxes
+        beyond = np.maximum(np.minimum(places + self.full[0], self.full[1] - places).min(axis=1), 0.0)
+        places += self.window[0]
+        if not len(flood.cells):
+            return beyond
+        out = np.empty(len(offsets))
+        nearest_steps(flood.cells, flood.steps, places, out)
+        past = ((places <= 0.5) | (places >= np.array(self._labels.shape) - 1.5)).any(axis=1)
+        return np.where(past, 0.0, out) + (beyond if self.is_cut else 0.0)
 
     def travel(
         self, others: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
@@ -28,13 +28,15 @@ class TranslationConfig:
     space: SpaceConfig = field(default_factory=SpaceConfig)
     max_legs: int = 100
     """Legs traced, on each lattice."""
+    max_branches: int = 64
+    """Legs queued from one displacement."""
     max_directions: int = 12
     """Lines followed from each: the part's own, then the assembly's."""
     least_travel: float = 0.004
     """Displacements nearer than this, relative to the part's smallest extent, are one; under the tolerance."""
     leg_cost: float = 0.3
     """What another leg costs, in steps of the configuration space's lattice."""
-    max_spaces: int = 4
+    max_spaces: int = 6
     """Configuration spaces kept."""
 
 
@@ -65,7 +67,8 @@ class TranslationSearch:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
         mask = sum(1 << other for other in others)
         found = TranslationResult(removal=None)
-        for level in range(len(self.config.space.resolutions)):
+        last = len(self.config.space.resolutions) - 1
+        for level in range(last + 1):
             space = self._space(part, level)
             flood = space.flood(mask)
             if flood.blocked:
@@ -76,9 +79,10 @@ class TranslationSearch:
                     reason="proven for translations of this part alone: "
                     "its configuration space has no way out past these parts",
                 )
-            found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
-            if found.removal is not None:
-                return found
+            if level in (0, last):  # coarse lattices see far, the finest is the most faithful
+                found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
+                if found.removal is not None:
+                    return found
         return found
 
     def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
@@ -156,7 +160,7 @@ class _BestFirst:
             # where curved faces meet there is no level: back off to where they touch
             back = travel - self.blocking.limit(self.part, stopper)
             if back > self.cell:
-                self._push(path, signed, np.array([back]))
+                self._push(path, np.array([signed]), np.array([back]), np.array([travel]))
         reason = (
             f"translation search ran out of its budget of {traced} legs"
             if self.queue
@@ -165,32 +169,45 @@ class _BestFirst:
         return TranslationResult(removal=None, blocked_by=tuple(sorted(self.met)), reason=reason, legs=traced)
 
     def _expand(self, path: list[np.ndarray]) -> None:
-        """Queue the legs that start at the end of a path."""
-        self.seen.add(self._key(path[-1]))
+        """Queue the most promising legs that start at the end of a path."""
+        here = path[-1]
+        self.seen.add(self._key(here))
+        signs, lengths, exits = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0)]
         for signed, direction in enumerate(self.signed):
-            travel, stoppers = self.space.travel(self.mask, path[-1], direction)
+            travel, stoppers = self.space.travel(self.mask, here, direction)
             self.met.update(bits(stoppers))
-            ends = halts(self.differences, self.lines, path[-1], direction, travel)
-            self._push(path, signed, ends[ends > self.cell])
-            if np.isinf(travel) or travel > self.cell:
-                self._push(path, signed, np.array([np.inf]))
+            ends = halts(self.differences, self.lines, here, direction, travel)
+            ends = np.append(ends[ends > self.cell], np.inf)
+            signs.append(np.full(len(ends), signed))
+            lengths.append(ends)
+            exits.append(np.full(len(ends), travel))
+        self._push(path, np.concatenate(signs), np.concatenate(lengths), np.concatenate(exits))
 
-    def _push(self, path: list[np.ndarray], signed: int, lengths: Float[np.ndarray, "leg"]) -> None:
-        finite = np.where(np.isfinite(lengths), lengths, 0.0)
-        ends = path[-1] + finite[:, None] * self.signed[signed]
-        ahead = self.space.distances(self.flood, ends)
-        for length, end, steps in zip(lengths.tolist(), ends, ahead.tolist(), strict=True):
-            if np.isinf(length):
-                travel = self.space.travel(self.mask, path[-1], self.signed[signed])[0]
-                steps = 0.0 if np.isinf(travel) else steps
-            elif self._key(end) in self.seen:
+    def _push(
+        self,
+        path: list[np.ndarray],
+        signed: Int[np.ndarray, "leg"],
+        lengths: Float[np.ndarray, "leg"],
+        travels: Float[np.ndarray, "leg"],
+    ) -> None:
+        """Queue legs, those along a line that the lattice leaves open to its rim as ways out."""
+        ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.signed[signed]
+        steps = self.space.distances(self.flood, ends)
+        steps[np.isinf(lengths) & np.isinf(travels)] = 0.0
+        places = np.round(ends / self.cell).astype(int).tolist()
+        queued = 0
+        for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
+            if queued == self.config.max_branches:
+                break
+            if np.isfinite(lengths[k]) and tuple(places[k]) in self.seen:
                 continue
+            queued += 1
             self.pushed += 1
-            cost = steps + self.config.leg_cost * len(path)
-            heapq.heappush(self.queue, (cost, self.pushed, path, signed, length))
+            cost = float(steps[k]) + self.config.leg_cost * len(path)
+            heapq.heappush(self.queue, (cost, self.pushed, path, int(signed[k]), float(lengths[k])))
 
     def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
-        return tuple(int(x) for x in np.round(place / self.cell))
+        return tuple(np.round(place / self.cell).astype(int).tolist())
 
     def _travel(
         self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float
