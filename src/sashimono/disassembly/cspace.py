@@ -130,8 +130,11 @@ class Space:
     def travel(
         self, others: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]
     ) -> tuple[float, int]:
-        """Return an upper bound of the travel along a direction [m], infinite past the rim, and what stops it there."""
-        if not len(self._points):
+        """Return an upper bound of the travel along a direction [m], and the mask of the parts that set it.
+
+        0 where nothing does: then the travel to the rim.
+        """
+        if not self._labels.size:
             return np.inf, 0
         start = self.rotation @ offset / self.spacing + self.window[0]
         along = self.rotation @ direction

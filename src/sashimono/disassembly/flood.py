@@ -112,7 +112,7 @@ def steps_back(queue, count, steps):  # pragma: no cover - compiled
 def cast(points, owners, labels, known, start, direction, obstacles):  # pragma: no cover - compiled
     """Return the steps along a unit direction until a cell is labelled with one of the obstacles, and its label.
 
-    Infinite, and no label, if the line leaves the lattice before. ``start`` is in lattice steps, not whole ones.
+    No label (0) if the line leaves the lattice before: then the steps to its rim. ``start`` is in lattice steps, not whole ones.
     """
     shape = labels.shape
     travel = 0.0
@@ -121,7 +121,7 @@ def cast(points, owners, labels, known, start, direction, obstacles):  # pragma:
         j = int(np.floor(start[1] + travel * direction[1] + 0.5))
         k = int(np.floor(start[2] + travel * direction[2] + 0.5))
         if i <= 0 or j <= 0 or k <= 0 or i >= shape[0] - 1 or j >= shape[1] - 1 or k >= shape[2] - 1:
-            return np.inf, 0
+            return travel, 0
         mask = label(points, owners, (i, j, k), labels, known) & obstacles
         if mask != 0:
             return travel, mask

@@ -11,7 +11,7 @@ from sashimono.disassembly.blocking import Blocking
 
 LEVELS_PER_LINE = 16
 """Face levels kept of one part along one line: the ends, then the largest faces."""
-HALTS = 24
+HALTS = 64
 """Most halts on one leg."""
 GRAIN = 1e-5
 """Levels nearer than this, relative to the part's smallest extent, are one."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
@@ -26,14 +26,16 @@ class TranslationConfig:
     """Budgets of the search; they count work, never time."""
 
     space: SpaceConfig = field(default_factory=SpaceConfig)
-    max_legs: int = 100
-    """Legs traced, on each lattice."""
-    max_branches: int = 64
-    """Legs queued from one displacement."""
+    max_legs: int = 60
+    """Legs traced on each lattice; those that are stopped at once do not count."""
+    max_branches: int = 12
+    """Legs queued from one displacement along one direction."""
     max_directions: int = 12
     """Lines followed from each: the part's own, then the assembly's."""
     least_travel: float = 0.004
     """Displacements nearer than this, relative to the part's smallest extent, are one; under the tolerance."""
+    least_leg: float = 0.03
+    """Shortest leg, relative to the part's smallest extent."""
     leg_cost: float = 0.3
     """What another leg costs, in steps of the configuration space's lattice."""
     max_spaces: int = 6
@@ -66,9 +68,8 @@ class TranslationSearch:
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
         mask = sum(1 << other for other in others)
-        found = TranslationResult(removal=None)
-        last = len(self.config.space.resolutions) - 1
-        for level in range(last + 1):
+        led = []
+        for level in range(len(self.config.space.resolutions)):
             space = self._space(part, level)
             flood = space.flood(mask)
             if flood.blocked:
@@ -79,10 +80,12 @@ class TranslationSearch:
                     reason="proven for translations of this part alone: "
                     "its configuration space has no way out past these parts",
                 )
-            if level in (0, last):  # coarse lattices see far, the finest is the most faithful
-                found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
-                if found.removal is not None:
-                    return found
+            led.append((space, flood))
+        found = TranslationResult(removal=None)
+        for space, flood in (led[-1], led[0]):  # the finest lattice is the most faithful, the coarsest sees farthest
+            found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
+            if found.removal is not None:
+                break
         return found
 
     def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
@@ -128,6 +131,7 @@ class _BestFirst:
         self.space, self.flood, self.config = space, flood, config
         self.mask = sum(1 << other for other in others)
         self.cell = config.least_travel * float(blocking.sizes[part])
+        self.least = config.least_leg * float(blocking.sizes[part])
         self.lines = _lines(blocking, part, config.max_directions)
         self.signed = np.stack([self.lines, -self.lines], axis=1).reshape(-1, 3)
         self.differences = levels.differences(part, others, self.lines)
@@ -148,8 +152,8 @@ class _BestFirst:
             end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
             if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
                 continue
-            traced += 1
             travel, stopper = self._travel(path[-1], direction, length)
+            traced += travel > self.least
             if stopper is None and np.isinf(length):
                 return TranslationResult(removal=self._removal(path, direction), legs=traced)
             if stopper is None:
@@ -159,8 +163,8 @@ class _BestFirst:
             self.reach[key] = travel
             # where curved faces meet there is no level: back off to where they touch
             back = travel - self.blocking.limit(self.part, stopper)
-            if back > self.cell:
-                self._push(path, np.array([signed]), np.array([back]), np.array([travel]))
+            if back > self.least:
+                self._push(path, np.array([signed]), np.array([back]), np.array([False]))
         reason = (
             f"translation search ran out of its budget of {traced} legs"
             if self.queue
@@ -172,15 +176,15 @@ class _BestFirst:
         """Queue the most promising legs that start at the end of a path."""
         here = path[-1]
         self.seen.add(self._key(here))
-        signs, lengths, exits = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0)]
+        signs, lengths, exits = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0, bool)]
         for signed, direction in enumerate(self.signed):
             travel, stoppers = self.space.travel(self.mask, here, direction)
             self.met.update(bits(stoppers))
             ends = halts(self.differences, self.lines, here, direction, travel)
-            ends = np.append(ends[ends > self.cell], np.inf)
+            ends = np.append(ends[ends > self.least], np.inf)
             signs.append(np.full(len(ends), signed))
             lengths.append(ends)
-            exits.append(np.full(len(ends), travel))
+            exits.append(np.full(len(ends), not stoppers))
         self._push(path, np.concatenate(signs), np.concatenate(lengths), np.concatenate(exits))
 
     def _push(
@@ -188,20 +192,19 @@ class _BestFirst:
         path: list[np.ndarray],
         signed: Int[np.ndarray, "leg"],
         lengths: Float[np.ndarray, "leg"],
-        travels: Float[np.ndarray, "leg"],
+        is_open: Bool[np.ndarray, "leg"],
     ) -> None:
-        """Queue legs, those along a line that the lattice leaves open to its rim as ways out."""
+        """Queue legs; infinite ones, where the lattice leaves their line open, are ways out."""
         ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.signed[signed]
         steps = self.space.distances(self.flood, ends)
-        steps[np.isinf(lengths) & np.isinf(travels)] = 0.0
+        steps[np.isinf(lengths) & is_open] = 0.0
         places = np.round(ends / self.cell).astype(int).tolist()
-        queued = 0
+        queued = np.zeros(len(self.signed), dtype=int)
         for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
-            if queued == self.config.max_branches:
-                break
-            if np.isfinite(lengths[k]) and tuple(places[k]) in self.seen:
+            is_known = np.isfinite(lengths[k]) and tuple(places[k]) in self.seen
+            if is_known or queued[signed[k]] == self.config.max_branches:
                 continue
-            queued += 1
+            queued[signed[k]] += 1
             self.pushed += 1
             cost = float(steps[k]) + self.config.leg_cost * len(path)
             heapq.heappush(self.queue, (cost, self.pushed, path, int(signed[k]), float(lengths[k])))
