@@ -17,7 +17,6 @@ from sashimono.assembly import Assembly, Part
 from sashimono.disassembly import raster
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
-from sashimono.geometry.march import march
 from sashimono.geometry.directions import (
     DirectionConfig,
     frame_along,
@@ -25,6 +24,7 @@ from sashimono.geometry.directions import (
     merge_directions,
     part_directions,
 )
+from sashimono.geometry.march import march
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,14 +79,10 @@ class Blocking:
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
         self.count_fine = 0
         self.count_traced = 0
-        own = [
-            _lines_of(part, body, config.directions) for part, body in zip(assembly.parts, self.bodies, strict=True)
-        ]
+        own = [_lines_of(part, body, config.directions) for part, body in zip(assembly.parts, self.bodies, strict=True)]
         self.part_lines = [lines if len(lines) else np.eye(3) for lines, _ in own]
         """The lines that each part's own surface and inertia give, in the world frame, heaviest first."""
-        self.add_directions(
-            merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions)
-        )
+        self.add_directions(merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions))
 
     def __len__(self) -> int:
         return len(self.bodies)
@@ -212,9 +208,7 @@ class Blocking:
         length = min(length, first)
         T_a_b = se3.inverse(T_b_a)
         back = -(T_a_b[:3, :3] @ along_b)
-        second = march(
-            a.signed_distance, se3.apply(T_a_b, b.probes), back, length=length, limit=limit, least_step=step
-        )
+        second = march(a.signed_distance, se3.apply(T_a_b, b.probes), back, length=length, limit=limit, least_step=step)
         return min(first, second)
 
     def limit(self, part: int, other: int) -> float:
@@ -228,9 +222,9 @@ class Blocking:
 
         Each with the travel [m] at which the boxes meet.
         """
-        among = np.asarray(among, dtype=int)
-        low = self._boxes[among, 0] - self._boxes[part, 1] - offset
-        high = self._boxes[among, 1] - self._boxes[part, 0] - offset
+        others = np.asarray(among, dtype=int)
+        low = self._boxes[others, 0] - self._boxes[part, 1] - offset
+        high = self._boxes[others, 1] - self._boxes[part, 0] - offset
         with np.errstate(divide="ignore", invalid="ignore"):
             times = np.stack([low / direction, high / direction])
         still = np.abs(direction) < 1e-12
@@ -238,7 +232,7 @@ class Blocking:
         enter = np.where(still, -np.inf, times.min(axis=0)).max(axis=1)
         leave = np.where(still, np.inf, times.max(axis=0)).min(axis=1)
         hit = ~beside & (leave >= 0.0) & (enter <= leave + 1e-12)
-        found = zip(np.maximum(enter[hit], 0.0).tolist(), among[hit].tolist(), strict=True)
+        found = zip(np.maximum(enter[hit], 0.0).tolist(), others[hit].tolist(), strict=True)
         return sorted((float(t), int(k)) for t, k in found)
 
     def vertices(self, part: int) -> Float[np.ndarray, "vertex 3"]:

@@ -138,9 +138,7 @@ class Space:
             return np.inf, 0
         start = self.rotation @ offset / self.spacing + self.window[0]
         along = self.rotation @ direction
-        steps, mask = cast(
-            self._points, self._owners, self._labels, self._known, start, along, self._bits_of(others)
-        )
+        steps, mask = cast(self._points, self._owners, self._labels, self._known, start, along, self._bits_of(others))
         return steps * self.spacing, sum(1 << self.obstacles[bit] for bit in bits(mask))
 
     def _bits_of(self, others: int) -> int:

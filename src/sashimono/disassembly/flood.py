@@ -24,9 +24,10 @@ def explore(points, owners, labels, known, start, obstacles, steps, queue, budge
     # pragma: no cover - compiled
     """Look for a way from ``start`` to the rim of the displacement lattice past the obstacles (bits).
 
-    A* over 26 neighbours, each entered by the first way that finds it. Returns (whether the rim was reached, cells visited or -1 past the budget,
-    the labels of the cells that stopped it). ``queue`` (cells, 3) gets the cells visited in their
-    order, ``steps`` (lattice shape, -1 elsewhere) the number of steps to each.
+    A* over 26 neighbours, each entered by the first way that finds it. Returns (whether the rim was
+    reached, cells visited or -1 past the budget, the labels of the cells that stopped it). ``queue``
+    (cells, 3) gets the cells visited in their order, ``steps`` (lattice shape, -1 elsewhere) the number
+    of steps to each.
     """
     shape = steps.shape
     longest = 3 * (shape[0] + shape[1] + shape[2])
@@ -110,9 +111,10 @@ def steps_back(queue, count, steps):  # pragma: no cover - compiled
 
 @njit(cache=True, nogil=True)
 def cast(points, owners, labels, known, start, direction, obstacles):  # pragma: no cover - compiled
-    """Return the steps along a unit direction until a cell is labelled with one of the obstacles, and its label.
+    """Return the steps along a unit direction to the first cell labelled with one of the obstacles, and its label.
 
-    No label (0) if the line leaves the lattice before: then the steps to its rim. ``start`` is in lattice steps, not whole ones.
+    No label (0) if the line leaves the lattice before: then the steps to its rim. ``start`` is in lattice
+    steps, not whole ones.
     """
     shape = labels.shape
     travel = 0.0

@@ -60,8 +60,8 @@ def _crossing(x, y, z, direction, t):  # pragma: no cover - compiled
     py = direction[2] * e2x - direction[0] * e2z
     pz = direction[0] * e2y - direction[1] * e2x
     det = e1x * px + e1y * py + e1z * pz
-    if det == 0.0:
-        return np.inf
+    if abs(det) <= 1e-9 * np.sqrt((e1x * e1x + e1y * e1y + e1z * e1z) * (e2x * e2x + e2y * e2y + e2z * e2z)):
+        return np.inf  # along the triangle's plane
     inv = 1.0 / det
     sx, sy, sz = x - t[0, 0], y - t[0, 1], z - t[0, 2]
     u = (sx * px + sy * py + sz * pz) * inv
@@ -156,7 +156,9 @@ def _march(points, direction, length, limit, least_step, boxes, links, triangles
                 break
             safe = t
             outside = distance > limit
-            if not outside:
+            if outside:
+                t += max(distance, 1e-3 * least_step)
+            else:
                 # one that is d outside is not deeper than the limit before it has gone d + limit
                 reach = t + max(limit + distance, least_step)
                 if reach < stop:
