@@ -69,8 +69,8 @@ class Space:
         self.obstacles = [others[k] for k in np.argsort(np.round(gaps, 9), kind="stable")[:MOST_OBSTACLES]]
         """The obstacles, by bit."""
         outer = boxes[self.obstacles]
-        size = blocking.sizes[part]
-        self.spacing = h = size / resolution
+        # where the inertia axes are not determined, the box along the faces may be the smaller one
+        self.spacing = h = min(float(blocking.sizes[part]), float((high - low).min())) / resolution
         count = np.floor((high - low) / h).astype(int) + 1
         room = np.stack([high - outer[:, 0].min(axis=0), outer[:, 1].max(axis=0) - low])
         window = np.maximum(np.ceil(room / h).astype(int) + 1, 2)

@@ -9,19 +9,16 @@ from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking
 
-LEVELS_PER_LINE = 16
-"""Face levels kept of one part along one line: the ends, then the largest faces."""
-HALTS = 64
-"""Most halts on one leg."""
-GRAIN = 1e-5
-"""Levels nearer than this, relative to the part's smallest extent, are one."""
-
 
 class Levels:
     """Coordinates of parts' flat faces along lines, worked out as they are asked for."""
 
-    def __init__(self, blocking: Blocking) -> None:
+    def __init__(self, blocking: Blocking, *, most: int, grain: float) -> None:
+        """Keep, of one part along one line, the ends and the ``most`` largest faces; levels nearer than
+        ``grain``, relative to the part's smallest extent, are one."""
         self._blocking = blocking
+        self._most = most
+        self._grain = grain
         self._faces: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         self._levels: dict[tuple[int, bytes], np.ndarray] = {}
 
@@ -35,7 +32,7 @@ class Levels:
             merge = 1e-6 * float(self._blocking.sizes[part])
             at, group = np.unique(np.round((centers[across] @ line - ends[0]) / merge), return_inverse=True)
             weight = np.bincount(group.reshape(-1), weights=areas[across], minlength=len(at))
-            largest = at[np.argsort(-np.round(weight / areas.sum(), 9), kind="stable")[:LEVELS_PER_LINE]]
+            largest = at[np.argsort(-np.round(weight / areas.sum(), 9), kind="stable")[: self._most]]
             self._levels[key] = np.unique(np.concatenate([ends, ends[0] + merge * largest]))
         return self._levels[key]
 
@@ -43,7 +40,7 @@ class Levels:
         self, part: int, others: Sequence[int], lines: Float[np.ndarray, "line 3"]
     ) -> list[Float[np.ndarray, "_"]]:
         """Return, by line, how far the part must go along it for one of its faces to come level with an obstacle's."""
-        grain = GRAIN * float(self._blocking.sizes[part])
+        grain = self._grain * float(self._blocking.sizes[part])
         out = []
         for line in lines:
             own = self.of(part, line)
@@ -69,8 +66,12 @@ def halts(
     offset: Float[np.ndarray, "3"],
     direction: Float[np.ndarray, "3"],
     travel: float,
+    most: int,
 ) -> Float[np.ndarray, "halt"]:
-    """Return the travels, up to the given one, at which faces come level, from a displacement on [m]."""
+    """Return the travels, up to the given one, at which faces come level, from a displacement on [m].
+
+    Of more than ``most``, evenly many.
+    """
     found = []
     for line, levels in zip(lines, differences, strict=True):
         slope = float(line @ direction)
@@ -78,6 +79,6 @@ def halts(
             found.append((levels - float(line @ offset)) / slope)
     times = np.concatenate(found) if found else np.zeros(0)
     times = np.sort(times[(times > 0.0) & (times <= travel)])
-    if len(times) > HALTS:
-        times = times[np.linspace(0, len(times) - 1, HALTS).astype(int)]
+    if len(times) > most:
+        times = times[np.linspace(0, len(times) - 1, most).astype(int)]
     return times

@@ -30,6 +30,12 @@ class TranslationConfig:
     """Legs traced on each lattice; those that are stopped at once do not count."""
     max_branches: int = 12
     """Legs queued from one displacement along one direction."""
+    max_halts: int = 64
+    """Face levels looked at on one leg."""
+    face_levels: int = 16
+    """Faces of one part across one line, the largest, whose levels count, besides its ends."""
+    grain: float = 1e-5
+    """Face levels nearer than this, relative to the part's smallest extent, are one."""
     max_directions: int = 12
     """Lines followed from each: the part's own, then the assembly's."""
     least_travel: float = 0.004
@@ -62,7 +68,7 @@ class TranslationSearch:
     def __init__(self, blocking: Blocking, *, config: TranslationConfig) -> None:
         self.blocking = blocking
         self.config = config
-        self._levels = Levels(blocking)
+        self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
         self._spaces: dict[tuple[int, int], Space] = {}
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
@@ -180,7 +186,7 @@ class _BestFirst:
         for signed, direction in enumerate(self.signed):
             travel, stoppers = self.space.travel(self.mask, here, direction)
             self.met.update(bits(stoppers))
-            ends = halts(self.differences, self.lines, here, direction, travel)
+            ends = halts(self.differences, self.lines, here, direction, travel, self.config.max_halts)
             ends = np.append(ends[ends > self.least], np.inf)
             signs.append(np.full(len(ends), signed))
             lengths.append(ends)
