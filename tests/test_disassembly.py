@@ -115,7 +115,7 @@ def test_tunnels_without_clearance(make, legs: int, T: np.ndarray) -> None:
 @pytest.mark.parametrize("T", [np.eye(4), TURN], ids=["straight", "tilted"])
 def test_a_loose_cage_is_proven_by_its_configuration_space(T: np.ndarray) -> None:
     """A cube that rattles in a box with a window too small for it: no contact proves anything, the lattice does."""
-    void = box((0.06, 0.06, 0.06)) - box((0.04, 0.04, 0.04)) - box((0.011, 0.011, 0.1))
+    void = box((0.06, 0.06, 0.06)) - box((0.04, 0.04, 0.04)) - box((0.014, 0.014, 0.1))
     parts = turned(assembly(shell=void, cube=box((0.02, 0.02, 0.02)), aside=box((0.01, 0.01, 0.01), (0.1, 0, 0))), T)
     separation = cascade_of(parts).further(1, 0b111)
     assert separation.answer is Answer.PROVEN_BLOCKED

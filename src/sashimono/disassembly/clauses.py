@@ -32,7 +32,7 @@ class RemovalConditions:
     clauses: tuple[tuple[Clause, ...], ...]
     """By part, fewest blockers first; empty where no motion was found at all."""
     cut_short: tuple[int, ...] = ()
-    """Parts for which sets were left unasked when the budget of queries ran out: clauses may be missing."""
+    """Parts for which clauses may be missing: sets of obstacles were left unasked, or the answer was UNKNOWN."""
 
     def clause(self, part: int, remaining: int) -> Clause | None:
         """Return a clause by which this part leaves from the remaining parts, or None."""

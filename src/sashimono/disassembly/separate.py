@@ -138,12 +138,15 @@ class Cascade:
         return RemovalConditions(names=self.assembly.names, clauses=tuple(clauses), cut_short=tuple(cut_short))
 
     def _complete(self, part: int, witness: dict[int, Removal]) -> bool:
-        """Add the clauses of the later stages to a part's; return whether no set was left unasked.
+        """Add the clauses of the later stages to a part's; return whether these are all, provably.
+
+        For translations; not so where a set was left unasked, or asked and neither freed nor proven.
 
         A set that holds the part is left behind by dropping one of the parts that cause it: every set
         that does not hold the part lacks one of them, so this comes to all of them, largest first.
         """
         queries = 0
+        is_proven = True
         everything = self.blocking.all_parts & ~(1 << part)
         queue = deque([everything])
         seen = {everything}
@@ -160,12 +163,13 @@ class Cascade:
                 absent = bits(everything & ~others)
                 witness[self.translations.hit_by(part, separation.removal, absent)] = separation.removal
                 continue
+            is_proven &= separation.answer is Answer.PROVEN_BLOCKED
             for cause in separation.blocked_by:
                 fewer = others & ~(1 << cause)
                 if fewer not in seen:
                     seen.add(fewer)
                     queue.append(fewer)
-        return True
+        return is_proven
 
     def _single_clauses(self, part: int) -> dict[int, Removal]:
         """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
