@@ -209,6 +209,7 @@ def test_conditions(two_boxes: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
         "orders_reason": "",
         "precedence": [],
         "stuck": [],
+        "cut_short": [],
     }
     assert json.loads(graph.read_text())["nodes"] == [["block", "plate"], ["block"], ["plate"]]
     assert "orders: 2" in capsys.readouterr().out

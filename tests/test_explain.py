@@ -23,7 +23,7 @@ from sashimono.io.raw import ReadConfig
 from sashimono.plan import Answer
 from sashimono.view import write_explanation
 
-CONFIG = SeparateConfig(translation=TranslationConfig(max_expansions=4))
+CONFIG = SeparateConfig(translation=TranslationConfig(max_legs=20))
 
 
 def cascade_of(parts: Assembly) -> Cascade:

@@ -180,6 +180,7 @@ def test_the_written_form() -> None:
         "orders_reason": "",
         "precedence": [["p1", "p0"], ["p2", "p1"]],
         "stuck": [],
+        "cut_short": [],
     }
 
 

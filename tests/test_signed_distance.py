@@ -6,6 +6,7 @@ import pytest
 from solids import box, part, rod
 
 from sashimono.geometry import se3
+from sashimono.geometry.march import march
 from sashimono.geometry.signed_distance import SignedDistance
 
 
@@ -43,18 +44,16 @@ def test_march_stops_where_the_limit_is_passed() -> None:
     tree, _, _ = surface(box((2.0, 2.0, 2.0)))
     start, along = np.array([[-5.0, 0.0, 0.0]]), np.array([1.0, 0.0, 0.0])
     options = {"length": 20.0, "least_step": 1e-4}
-    travel, deepest = tree.march(start, along, limit=0.25, **options)
-    assert travel == pytest.approx(4.25, abs=2e-4)
-    assert deepest == pytest.approx(0.25, abs=2e-4)
-    assert tree.march(start, along, limit=1.01, **options)[0] == np.inf
-    assert tree.march(start, -along, limit=0.0, **options)[0] == np.inf
-    assert tree.march(start, along, length=4.0, limit=0.25, least_step=1e-4)[0] == np.inf
+    assert march(tree, start, along, limit=0.25, **options) == pytest.approx(4.25, abs=2e-4)
+    assert march(tree, start, along, limit=1.01, **options) == np.inf
+    assert march(tree, start, -along, limit=0.0, **options) == np.inf
+    assert march(tree, start, along, length=4.0, limit=0.25, least_step=1e-4) == np.inf
 
 
 def test_march_does_not_jump_a_thin_sheet() -> None:
     tree, _, _ = surface(box((1e-3, 1.0, 1.0)))
     start, along = np.array([[-0.7, 0.013, -0.2]]), np.array([1.0, 0.0, 0.0])
-    assert tree.march(start, along, length=2.0, limit=1e-4, least_step=1e-4)[0] == pytest.approx(0.6996, abs=2e-4)
+    assert march(tree, start, along, length=2.0, limit=1e-4, least_step=1e-4) == pytest.approx(0.6996, abs=2e-4)
 
 
 def test_slivers_divide_nothing_by_zero() -> None:
@@ -72,3 +71,15 @@ def test_slivers_divide_nothing_by_zero() -> None:
     q = np.abs(points) - 1.0
     exact = np.linalg.norm(np.maximum(q, 0.0), axis=1) + np.minimum(q.max(axis=1), 0.0)
     np.testing.assert_allclose(np.abs(tree.query(points)), np.abs(exact), atol=1e-12)
+
+
+def test_march_slides_along_walls_of_a_hole() -> None:
+    """Flush with the wall of a blind hole, a point goes to its bottom: however long, however finely faceted."""
+    tree, _, _ = surface(box((4.0, 4.0, 10.0)) - rod(1.0, 8.0, (0.0, 0.0, 2.0)))
+    turn = 2.0 * np.pi * np.arange(48) / 48
+    rim = np.stack([np.cos(turn), np.sin(turn), np.full(48, 4.9)], axis=1)
+    down = np.array([0.0, 0.0, -1.0])
+    travel = march(tree, rim, down, length=20.0, limit=1e-3, least_step=1e-2)
+    assert travel == pytest.approx(6.9, abs=2e-2)
+    through, _, _ = surface(box((4.0, 4.0, 10.0)) - rod(1.0, 12.0))
+    assert march(through, rim, down, length=20.0, limit=1e-3, least_step=1e-2) == np.inf

@@ -151,6 +151,9 @@ def conditions(
     graph_file: Annotated[
         Path | None, typer.Option("--graph", metavar="FILE", help="also write the AND/OR graph of subassemblies")
     ] = None,
+    thorough: Annotated[
+        int, typer.Option(min=0, metavar="N", help="sets a part for which several translations are searched too")
+    ] = 1,
     unit: Unit = None,
     seed: Seed = 0,
 ) -> int:
@@ -162,14 +165,15 @@ def conditions(
     targets = {"--json": json_file, "--graph": graph_file}
     _refuse_bad_files(targets)
     assembly = read_assembly(source, unit=unit)
-    found = _cascade(assembly, seed).conditions()
+    found = _cascade(assembly, seed, max_queries=thorough).conditions()
     written = conditions_as_dict(found)
     _write_json(json_file, written)
     if graph_file is not None:
         _write_json(graph_file, and_or_graph(found).as_dict())
     orders = f"unknown ({written['orders_reason']})" if written["orders"] is None else written["orders"]
     names = ", ".join(str(path) for path in targets.values() if path is not None)
-    typer.echo(f"{len(assembly)} parts, orders: {orders}; written: {names}")
+    least = "at least " if written["orders"] is not None and written["cut_short"] else ""
+    typer.echo(f"{len(assembly)} parts, orders: {least}{orders}; written: {names}")
     return OK
 
 
@@ -231,13 +235,14 @@ def _no_such_part(name: str, assembly: Assembly) -> str:
     return f"there is no part {name!r}. There is: {', '.join(near)}{', ...' if len(near) < len(assembly) else ''}"
 
 
-def _cascade(assembly: Assembly, seed: int) -> Cascade:
+def _cascade(assembly: Assembly, seed: int, *, max_queries: int = 1) -> Cascade:
     import numpy as np
 
     from sashimono.bodies import make_bodies
     from sashimono.disassembly.separate import Cascade, SeparateConfig
 
-    return Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=SeparateConfig())
+    config = SeparateConfig(max_queries=max_queries)
+    return Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=config)
 
 
 def _write_json(path: Path, value: object) -> None:

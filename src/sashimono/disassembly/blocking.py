@@ -11,9 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, Part
 from sashimono.disassembly import raster
 from sashimono.disassembly.parting import parting_travel
 from sashimono.geometry import se3
@@ -25,6 +25,7 @@ from sashimono.geometry.directions import (
     merge_directions,
     part_directions,
 )
+from sashimono.geometry.march import march
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,13 +74,17 @@ class Blocking:
         self.sizes = np.array([body.smallest_extent for body in self.bodies])
         self.allowances = pair_allowances(assembly, self.bodies)
         self.directions = np.zeros((0, 3))
+        self._boxes = np.array([[v.min(axis=0), v.max(axis=0)] for v in self._vertices])
         self._relation: list[np.ndarray] = []
         self._rotated: dict[tuple[int, int], np.ndarray] = {}
         self._passes: dict[tuple[int, int, int], bool] = {}
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
         self.count_fine = 0
         self.count_traced = 0
-        self.add_directions(assembly_directions(assembly, self.bodies, config=config.directions))
+        own = [_lines_of(part, body, config.directions) for part, body in zip(assembly.parts, self.bodies, strict=True)]
+        self.part_lines = [lines if len(lines) else np.eye(3) for lines, _ in own]
+        """The lines that each part's own surface and inertia give, in the world frame, heaviest first."""
+        self.add_directions(merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions))
 
     def __len__(self) -> int:
         return len(self.bodies)
@@ -177,30 +182,40 @@ class Blocking:
                 self._set(line, a, b, raster.BLOCKED)
         return self._passes[key]
 
-    def travel(self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], other: int) -> float:
+    def travel(
+        self,
+        part: int,
+        offset: Float[np.ndarray, "3"],
+        direction: Float[np.ndarray, "3"],
+        other: int,
+        *,
+        length: float = np.inf,
+    ) -> float:
         """Return how far a part, displaced by ``offset``, goes along a unit direction before it is too
-        deep in ``other`` [m]; infinite if it passes."""
+        deep in ``other`` [m]; infinite if it passes, or goes as far as ``length``."""
         a, b = self.bodies[part], self.bodies[other]
         T_b_a = se3.inverse(self.poses[other]) @ se3.make(None, offset) @ self.poses[part]
         size = min(self.sizes[part], self.sizes[other])
         limit = self.allowances[part, other] + self.config.tolerance * size
         step = self.config.least_step * size
         along_b = self.poses[other][:3, :3].T @ direction
-        length = _separation(a, b, T_b_a, along_b)
+        length = min(length, _separation(a, b, T_b_a, along_b))
         if length <= 0.0:
             return np.inf
-        arguments = {"length": length, "limit": limit, "least_step": step}
-        first, _ = b.signed_distance.march(se3.apply(T_b_a, a.probes), along_b, **arguments)
+        first = march(
+            b.signed_distance, se3.apply(T_b_a, a.probes), along_b, length=length, limit=limit, least_step=step
+        )
         if first == 0.0:
             return 0.0
-        if np.isfinite(first):
-            arguments["length"] = first
-        back = se3.inverse(T_b_a)
-        second, _ = a.signed_distance.march(se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **arguments)
+        length = min(length, first)
+        T_a_b = se3.inverse(T_b_a)
+        back = -(T_a_b[:3, :3] @ along_b)
+        second = march(a.signed_distance, se3.apply(T_a_b, b.probes), back, length=length, limit=limit, least_step=step)
         travel = min(first, second)
         bare = self.config.tolerance * size
         if self.allowances[part, other] <= bare:
             return travel
+        length = min(length, travel)
         return min(travel, self._travel_once_parted(a, b, T_b_a, along_b, length=length, bare=bare, step=step))
 
     def _travel_once_parted(
@@ -219,9 +234,58 @@ class Blocking:
         T_b_a = se3.make(None, parted * along_b) @ T_b_a
         back = se3.inverse(T_b_a)
         rest = {"length": length - parted, "limit": bare, "least_step": step}
-        first, _ = b.signed_distance.march(se3.apply(T_b_a, a.probes), along_b, **rest)
-        second, _ = a.signed_distance.march(se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **rest)
+        first = march(b.signed_distance, se3.apply(T_b_a, a.probes), along_b, **rest)
+        second = march(a.signed_distance, se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **rest)
         return parted + min(first, second)
+
+    def limit(self, part: int, other: int) -> float:
+        """Return how deep a pair may overlap on its way [m]."""
+        return float(self.allowances[part, other] + self.config.tolerance * min(self.sizes[part], self.sizes[other]))
+
+    def met(
+        self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], among: Sequence[int]
+    ) -> list[tuple[float, int]]:
+        """Return the parts whose boxes a part's box meets on its way along a direction, nearest first.
+
+        Each with the travel [m] at which the boxes meet.
+        """
+        others = np.asarray(among, dtype=int)
+        low = self._boxes[others, 0] - self._boxes[part, 1] - offset
+        high = self._boxes[others, 1] - self._boxes[part, 0] - offset
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times = np.stack([low / direction, high / direction])
+        still = np.abs(direction) < 1e-12
+        beside = (still & ((low > 0.0) | (high < 0.0))).any(axis=1)
+        enter = np.where(still, -np.inf, times.min(axis=0)).max(axis=1)
+        leave = np.where(still, np.inf, times.max(axis=0)).min(axis=1)
+        hit = ~beside & (leave >= 0.0) & (enter <= leave + 1e-12)
+        found = zip(np.maximum(enter[hit], 0.0).tolist(), others[hit].tolist(), strict=True)
+        return sorted((float(t), int(k)) for t, k in found)
+
+    def vertices(self, part: int) -> Float[np.ndarray, "vertex 3"]:
+        """Return a part's vertices in the assembled pose, in the world frame [m]."""
+        return self._vertices[part]
+
+    def faces(self, part: int) -> Int[np.ndarray, "face 3"]:
+        """Return a part's triangles."""
+        return self._faces[part]
+
+    def boxes_in(self, rotation: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "part 2 3"]:
+        """Return the parts' boxes, assembled, in a turned frame (rows of the rotation are its axes) [m]."""
+        turned = self._all_vertices @ rotation.T
+        starts = self._vertex_start[:-1]
+        return np.stack([np.minimum.reduceat(turned, starts), np.maximum.reduceat(turned, starts)], axis=1)
+
+    def frame(self, part: int) -> Float[np.ndarray, "3 3"]:
+        """Return a frame, its axes as rows, along the lines that a part's own surface gives."""
+        lines = self.part_lines[part]
+        across = np.abs(lines @ lines[0])
+        first, second = lines[0], lines[int(np.argmin(np.round(across, 6)))]
+        if float(across.min()) > 0.99:
+            return frame_along(first)
+        second = second - (second @ first) * first
+        second /= np.linalg.norm(second)
+        return np.stack([second, np.cross(first, second), first])
 
     def world_bounds_along(self, part: int, direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
         """Return the lowest and highest coordinate of a part along a unit direction, assembled [m]."""
@@ -265,18 +329,14 @@ def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndar
     return out
 
 
-def assembly_directions(
-    assembly: Assembly, bodies: Sequence[Body], *, config: DirectionConfig
-) -> Float[np.ndarray, "line 3"]:
-    """Return the lines to try: world axes, then what the parts' faces, holes and inertia give."""
-    lists = [(np.eye(3), np.full(3, 1e3))]
-    for part, body in zip(assembly.parts, bodies, strict=True):
-        rotation = part.T_world_part[:3, :3]
-        lines, weights = part_directions(body.vertices, body.faces, config=config)
-        axes = inertia_directions(body.mass_properties.inertia, config=config)
-        axis_weights = np.full(len(axes), config.min_weight)
-        lists.append((np.concatenate([lines, axes]) @ rotation.T, np.concatenate([weights, axis_weights])))
-    return merge_directions(lists, config=config)
+def _lines_of(
+    part: Part, body: Body, config: DirectionConfig
+) -> tuple[Float[np.ndarray, "line 3"], Float[np.ndarray, "line"]]:
+    """What a part's faces, holes and inertia give to try, in the world frame, with weights."""
+    lines, weights = part_directions(body.vertices, body.faces, config=config)
+    axes = inertia_directions(body.mass_properties.inertia, config=config)
+    lines = np.concatenate([lines, axes]) @ part.T_world_part[:3, :3].T
+    return lines, np.concatenate([weights, np.full(len(axes), config.min_weight)])
 
 
 def _separation(a: Body, b: Body, T_b_a: Float[np.ndarray, "4 4"], along_b: Float[np.ndarray, "3"]) -> float:

@@ -32,6 +32,8 @@ class RemovalConditions:
     names: tuple[str, ...]
     clauses: tuple[tuple[Clause, ...], ...]
     """By part, fewest blockers first; empty where no motion was found at all."""
+    cut_short: tuple[int, ...] = ()
+    """Parts for which clauses may be missing: sets of obstacles were left unasked, or the answer was UNKNOWN."""
 
     @cached_property
     def masks(self) -> tuple[tuple[int, ...], ...]:

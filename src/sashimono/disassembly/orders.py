@@ -151,7 +151,8 @@ def conditions_as_dict(conditions: RemovalConditions, *, config: OrdersConfig | 
 
     ``parts``: names. ``clauses``: by name, lists of blockers. ``orders``: how many complete orders, or null
     with ``orders_reason``. ``precedence``: pairs [a, b], a is placed before b in every order, without those
-    that others imply. ``stuck``: parts that never come apart.
+    that others imply. ``stuck``: parts that never come apart. ``cut_short``: parts that may have more clauses,
+    by several translations or turns; with any, ``orders`` is a lower bound.
     """
     names = conditions.names
     counted = count_orders(conditions, config=config)
@@ -168,4 +169,5 @@ def conditions_as_dict(conditions: RemovalConditions, *, config: OrdersConfig | 
             [names[first], names[second]] for first, mask in enumerate(precedence.reduced()) for second in bits(mask)
         ],
         "stuck": [names[k] for k in bits(precedence.stuck)],
+        "cut_short": [names[k] for k in conditions.cut_short],
     }

@@ -8,6 +8,7 @@ remembered with the parts it was found among, so that larger sets fail free.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -20,7 +21,7 @@ from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.contacts import ContactNormals, escape_directions, immobile_margin
 from sashimono.disassembly.physics import PhysicsConfig, search_physics
 from sashimono.disassembly.removal import Removal
-from sashimono.disassembly.translation import TranslationConfig, search_translations
+from sashimono.disassembly.translation import TranslationConfig, TranslationSearch
 from sashimono.geometry.body import Body
 from sashimono.plan import Answer
 
@@ -34,8 +35,13 @@ class SeparateConfig:
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     contact_gap: float = 0.01
     """Surfaces nearer than this share of the smaller part's extent touch."""
+    proof_gap: float = 0.0025
+    """The same, where contacts are to prove that a part is held."""
     escape_samples: int = 2000
     """Directions looked at when a way out is read off the contacts."""
+    max_queries: int = 1
+    """Sets of obstacles that the later stages are asked about for one part's removal conditions, the largest first:
+    1, only all other parts; 0, none. Where more would have been asked, the conditions say that they were cut short."""
     proof_margin: float = 0.1
     """Sine of the angle by which every direction must run into a touching surface to prove that no
     translation exists; covers the spacing of the directions looked at."""
@@ -64,8 +70,10 @@ class Cascade:
         self.assembly = assembly
         self.config = config
         self.blocking = Blocking(assembly, bodies, config=config.blocking)
-        self._contacts = ContactNormals(self.blocking, gap=config.contact_gap)
-        self._failed: dict[int, list[tuple[int, Separation]]] = {}
+        self._contacts = ContactNormals(self.blocking, gap=config.proof_gap)
+        self._touching = ContactNormals(self.blocking, gap=config.contact_gap)
+        self.translations = TranslationSearch(self.blocking, config=config.translation)
+        self._failed: dict[int, list[tuple[int, int, Separation]]] = {}
         self._found: dict[int, list[tuple[int, Separation]]] = {}
         self._resting: dict[int, list[tuple[int, Separation]]] = {}
 
@@ -87,17 +95,26 @@ class Cascade:
         return None
 
     def further(self, part: int, remaining: int) -> Separation:
-        """Return what the later stages say of a part that no direction of the relation frees."""
+        """Return what the later stages say of a part that no direction of the relation frees.
+
+        A motion found is remembered with the parts that it would hit, a failure with those that caused
+        it: other sets are answered from there.
+        """
         others = remaining & ~(1 << part)
-        for known, separation in self._found.get(part, []):
-            if others & ~known == 0:
+        for blockers, separation in self._found.get(part, []):
+            if not blockers & others:
                 return separation
-        for known, separation in self._failed.get(part, []):
-            if known & ~others == 0:
+        for cause, known, separation in self._failed.get(part, []):
+            if cause & ~others == 0 and (separation.answer is Answer.PROVEN_BLOCKED or others & ~known == 0):
                 return separation
         separation = self._ask_further(part, others)
-        memory = self._found if separation.answer is Answer.FREE else self._failed
-        memory.setdefault(part, []).append((others, separation))
+        if separation.removal is not None:
+            absent = bits(self.blocking.all_parts & ~others & ~(1 << part))
+            blockers = self.translations.hit_by(part, separation.removal, absent)
+            self._found.setdefault(part, []).append((blockers, separation))
+        else:
+            cause = sum(1 << k for k in separation.blocked_by)
+            self._failed.setdefault(part, []).append((cause, others, separation))
         return separation
 
     def pushed(self, part: int, remaining: int) -> Separation:
@@ -112,7 +129,8 @@ class Cascade:
         found = search_physics(self.blocking, part, bits(others), config=self.config.physics)
         if found.removal is not None:
             separation = Separation(answer=Answer.FREE, removal=found.removal, stage="physics")
-            self._found.setdefault(part, []).append((others, separation))
+            absent = self.blocking.all_parts & ~others & ~(1 << part)  # any of these may be in its way
+            self._found.setdefault(part, []).append((absent, separation))
             return separation
         blocked_by = known.blocked_by or found.blocked_by
         separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {found.reason}")
@@ -123,26 +141,63 @@ class Cascade:
         """Return the mask of the parts that touch this one in the assembled pose."""
         mask = 0
         for other in range(len(self.blocking)):
-            if other != part and (self.blocking.allowances[part, other] > 0.0 or self._contacts.touch(part, other)):
+            if other != part and (self.blocking.allowances[part, other] > 0.0 or self._touching.touch(part, other)):
                 mask |= 1 << other
         return mask
 
     def conditions(self) -> RemovalConditions:
-        """Return every part's removal conditions for single translations, each clause with its witness.
+        """Return every part's removal conditions, each clause with its witness.
 
-        A part that no direction frees from the full assembly is also asked of the later stages.
+        Single translations first. Then the later stages are asked of the largest sets that no clause
+        covers, until each is either covered or known to hold the part (at most ``max_queries`` a part).
         """
-        everything = self.blocking.all_parts
-        clauses = []
+        clauses, cut_short = [], []
         for part in range(len(self.blocking)):
             witness = self._single_clauses(part)
-            if 0 not in witness and len(self.blocking) > 1:
-                separation = self.pushed(part, everything)
+            is_complete = self._complete(part, witness)
+            if not witness and len(self.blocking) > 1:
+                # nothing frees it by translations, whatever is gone: it may turn its way out
+                separation = self.pushed(part, self.blocking.all_parts)
                 if separation.removal is not None:
-                    witness = {0: separation.removal}
-            kept = minimal(witness)
-            clauses.append(tuple(Clause(blockers=mask, removal=witness[mask]) for mask in kept))
-        return RemovalConditions(names=self.assembly.names, clauses=tuple(clauses))
+                    witness, is_complete = {0: separation.removal}, True
+            if not is_complete:
+                cut_short.append(part)
+            clauses.append(tuple(Clause(blockers=mask, removal=witness[mask]) for mask in minimal(witness)))
+        return RemovalConditions(names=self.assembly.names, clauses=tuple(clauses), cut_short=tuple(cut_short))
+
+    def _complete(self, part: int, witness: dict[int, Removal]) -> bool:
+        """Add the clauses of the later stages to a part's; return whether these are all, provably.
+
+        For translations; not so where a set was left unasked, or asked and neither freed nor proven.
+
+        A set that holds the part is left behind by dropping one of the parts that cause it: every set
+        that does not hold the part lacks one of them, so this comes to all of them, largest first.
+        """
+        queries = 0
+        is_proven = True
+        everything = self.blocking.all_parts & ~(1 << part)
+        queue = deque([everything])
+        seen = {everything}
+        while queue:
+            others = queue.popleft()
+            covering = next((mask for mask in witness if not mask & others), None)
+            if covering is not None:
+                continue
+            if queries == self.config.max_queries:
+                return False
+            queries += 1
+            separation = self.further(part, others | 1 << part)
+            if separation.removal is not None:
+                absent = bits(everything & ~others)
+                witness[self.translations.hit_by(part, separation.removal, absent)] = separation.removal
+                continue
+            is_proven &= separation.answer is Answer.PROVEN_BLOCKED
+            for cause in separation.blocked_by:
+                fewer = others & ~(1 << cause)
+                if fewer not in seen:
+                    seen.add(fewer)
+                    queue.append(fewer)
+        return is_proven
 
     def _single_clauses(self, part: int) -> dict[int, Removal]:
         """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
@@ -183,11 +238,14 @@ class Cascade:
                 blocked_by=tuple(needed),
                 reason="proven for translations of this part alone: every direction runs into a touching surface",
             )
-        found = search_translations(table, part, bits(others), config=config.translation)
+        found = self.translations.search(part, bits(others))
         if found.removal is not None:
             return Separation(answer=Answer.FREE, removal=found.removal, stage="translation")
         return Separation(
-            answer=Answer.UNKNOWN, stage="translation", blocked_by=tuple(found.blocked_by), reason=found.reason
+            answer=Answer.PROVEN_BLOCKED if found.proven else Answer.UNKNOWN,
+            stage="translation",
+            blocked_by=found.blocked_by,
+            reason=found.reason,
         )
 
     def straight(self, part: int, others: int, direction: Float[np.ndarray, "3"]) -> Removal:

@@ -1,151 +1,253 @@
-"""Several translations in a row, where no single one frees a part.
+"""Several translations in a row, where no single one frees a part: a motion, or the proof that there is none.
 
-Best first over displacements of the part: from each, every direction is followed until it is
-stopped, with intermediate halts where a face of the part comes level with a face of an obstacle.
+The configuration space comes first: if its flood finds no way out, that is a proof. Where it finds
+one, it leads an exact search: best first over displacements, each leg traced to where the part is
+stopped, with halts where a flat face of the part comes level with a flat face of an obstacle.
 """
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
-from sashimono.disassembly.blocking import Blocking
+from sashimono.disassembly.blocking import Blocking, bits
+from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
+from sashimono.disassembly.halts import Levels, halts
 from sashimono.disassembly.removal import Removal
 
 
 @dataclass(frozen=True, kw_only=True)
 class TranslationConfig:
-    """Budget of the search; it counts work, never time."""
+    """Budgets of the search; they count work, never time."""
 
-    max_expansions: int = 24
-    """Displacements expanded."""
+    space: SpaceConfig = field(default_factory=SpaceConfig)
+    max_legs: int = 60
+    """Legs traced on each lattice; those that are stopped at once do not count."""
+    max_branches: int = 12
+    """Legs queued from one displacement along one direction."""
+    max_halts: int = 64
+    """Face levels looked at on one leg."""
+    face_levels: int = 16
+    """Faces of one part across one line, the largest, whose levels count, besides its ends."""
+    grain: float = 1e-5
+    """Face levels nearer than this, relative to the part's smallest extent, are one."""
     max_directions: int = 12
-    """Lines followed from each, the assembly's first ones and the part's own."""
-    halts: int = 6
-    """Most intermediate halts along one translation."""
-    least_travel: float = 0.05
-    """Shortest translation worth taking, relative to the part's smallest extent."""
+    """Lines followed from each: the part's own, then the assembly's."""
+    least_travel: float = 0.004
+    """Displacements nearer than this, relative to the part's smallest extent, are one; under the tolerance."""
+    least_leg: float = 0.03
+    """Shortest leg, relative to the part's smallest extent."""
+    leg_cost: float = 0.3
+    """What another leg costs, in steps of the configuration space's lattice."""
+    max_spaces: int = 6
+    """Configuration spaces kept."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TranslationResult:
-    """A removal of several legs, or why there is none."""
+    """A removal of several legs, a proof that there is none, or why neither was found."""
 
     removal: Removal | None
+    proven: bool = False
+    """Whether no removal by translations exists: the parts in ``blocked_by`` alone prevent it."""
     blocked_by: tuple[int, ...] = ()
+    """Without a proof: the parts met."""
     reason: str = ""
-    expansions: int = 0
+    legs: int = 0
+    """Legs traced."""
 
 
-def search_translations(
-    blocking: Blocking, part: int, others: Sequence[int], *, config: TranslationConfig
-) -> TranslationResult:
-    """Return a removal of the part past the others by translations along the relation's directions."""
-    lines = blocking.directions[: config.max_directions]
-    signed = [sign * line for line in lines for sign in (1.0, -1.0)]
-    least = config.least_travel * blocking.sizes[part]
-    start = np.zeros(3)
-    queue: list[tuple[float, int, np.ndarray, list[np.ndarray]]] = [(0.0, 0, start, [start])]
-    seen = {_key(start, least)}
-    met: set[int] = set()
-    pushed = expansions = 0
-    while queue and expansions < config.max_expansions:
-        _, _, offset, path = heapq.heappop(queue)
-        expansions += 1
-        for direction in signed:
-            travel, stopper = _travel(blocking, part, others, offset, direction, least)
-            if stopper is None:
-                removal = _removal(blocking, part, others, path, direction)
-                return TranslationResult(removal=removal, expansions=expansions)
-            met.add(stopper)
-            if travel < least:
-                continue
-            for halt in _halts(blocking, part, others, offset, direction, travel, config.halts):
-                place = offset + halt * direction
-                key = _key(place, least)
-                if key in seen:
-                    continue
-                seen.add(key)
-                pushed += 1
-                # short paths first, then those that have come far
-                cost = len(path) - 0.5 * float(np.linalg.norm(place)) / _reach(blocking, part)
-                heapq.heappush(queue, (cost, pushed, place, [*path, place]))
-    reason = (
-        f"translation search ran out of its budget of {config.max_expansions} displacements"
-        if queue
-        else f"no way out by translations along the {len(lines)} directions tried"
-    )
-    return TranslationResult(removal=None, blocked_by=tuple(sorted(met)), reason=reason, expansions=expansions)
+class TranslationSearch:
+    """Searches translations of one part at a time; configuration spaces and face levels are kept."""
 
+    def __init__(self, blocking: Blocking, *, config: TranslationConfig) -> None:
+        self.blocking = blocking
+        self.config = config
+        self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
+        self._spaces: dict[tuple[int, int], Space] = {}
 
-def _travel(
-    blocking: Blocking,
-    part: int,
-    others: Sequence[int],
-    offset: Float[np.ndarray, "3"],
-    direction: Float[np.ndarray, "3"],
-    least: float,
-) -> tuple[float, int | None]:
-    """How far the part goes from an offset, kept back from the obstacle it meets; and that obstacle."""
-    shortest, stopper = np.inf, None
-    for other in others:
-        travel = blocking.travel(part, offset, direction, other)
-        if travel < shortest:
-            size = min(blocking.sizes[part], blocking.sizes[other])
-            back = (blocking.config.tolerance + blocking.config.least_step) * size + blocking.allowances[part, other]
-            shortest, stopper = max(0.0, travel - back), other
-            if shortest < least:
+    def search(self, part: int, others: Sequence[int]) -> TranslationResult:
+        """Return a removal of the part past the others, or the proof that none exists, or neither."""
+        mask = sum(1 << other for other in others)
+        led = []
+        for level in range(len(self.config.space.resolutions)):
+            space = self._space(part, level)
+            flood = space.flood(mask)
+            if flood.blocked:
+                return TranslationResult(
+                    removal=None,
+                    proven=True,
+                    blocked_by=flood.proof,
+                    reason="proven for translations of this part alone: "
+                    "its configuration space has no way out past these parts",
+                )
+            led.append((space, flood))
+        found = TranslationResult(removal=None)
+        for space, flood in (led[-1], led[0]):  # the finest lattice is the most faithful, the coarsest sees farthest
+            found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
+            if found.removal is not None:
                 break
-    return shortest, stopper
+        return found
+
+    def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
+        """Return the mask of the parts that a removal by translations runs into."""
+        mask = 0
+        stops = removal.displacements[:, :3, 3]
+        for other in among:
+            for leg, (start, stop) in enumerate(pairwise(stops)):
+                length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
+                direction = (stop - start) / np.linalg.norm(stop - start)
+                if np.isfinite(self.blocking.travel(part, start, direction, other, length=length)):
+                    mask |= 1 << other
+                    break
+        return mask
+
+    def _space(self, part: int, level: int) -> Space:
+        key = (part, level)
+        if key not in self._spaces:
+            while len(self._spaces) >= self.config.max_spaces:
+                self._spaces.pop(next(iter(self._spaces)))
+            config = self.config.space
+            self._spaces[key] = Space(self.blocking, part, config.resolutions[level], config=config)
+        return self._spaces[key]
 
 
-def _halts(
-    blocking: Blocking,
-    part: int,
-    others: Sequence[int],
-    offset: Float[np.ndarray, "3"],
-    direction: Float[np.ndarray, "3"],
-    travel: float,
-    most: int,
-) -> list[float]:
-    """Where to stop along a translation: at its end, and where end faces come level with obstacles'."""
-    own = blocking.world_bounds_along(part, direction) + float(offset @ direction)
-    levels = []
-    for other in others:
-        theirs = blocking.world_bounds_along(other, direction)
-        levels += [theirs[a] - own[b] for a in range(2) for b in range(2)]
-    margin = 0.02 * blocking.sizes[part]
-    shifted = np.array(levels)
-    shifted = np.concatenate([shifted + margin, shifted - margin])
-    inside = np.unique(shifted[(shifted > 0.0) & (shifted < travel)])
-    if len(inside) > most:
-        inside = inside[np.linspace(0, len(inside) - 1, most).astype(int)]
-    return [travel, *(float(t) for t in inside)]
+class _BestFirst:
+    """One search: legs that end nearest to the way out of the configuration space first.
+
+    A leg is traced only when its turn comes; until then the lattice bounds how long it can be.
+    """
+
+    def __init__(
+        self,
+        blocking: Blocking,
+        levels: Levels,
+        part: int,
+        others: Sequence[int],
+        space: Space,
+        flood: Flood,
+        config: TranslationConfig,
+    ) -> None:
+        self.blocking, self.part, self.others = blocking, part, list(others)
+        self.space, self.flood, self.config = space, flood, config
+        self.mask = sum(1 << other for other in others)
+        self.cell = config.least_travel * float(blocking.sizes[part])
+        self.least = config.least_leg * float(blocking.sizes[part])
+        self.lines = _lines(blocking, part, config.max_directions)
+        self.signed = np.stack([self.lines, -self.lines], axis=1).reshape(-1, 3)
+        self.differences = levels.differences(part, others, self.lines)
+        self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
+        self.seen: set[tuple[int, ...]] = set()
+        self.reach: dict[tuple[tuple[int, ...], int], float] = {}
+        self.met: set[int] = set()
+        self.pushed = 0
+
+    def run(self) -> TranslationResult:
+        """Return the first way out, or that there is none, or that the budget ran out."""
+        self._expand([np.zeros(3)])
+        traced = 0
+        while self.queue and traced < self.config.max_legs:
+            _, _, path, signed, length = heapq.heappop(self.queue)
+            direction = self.signed[signed]
+            key = (self._key(path[-1]), signed)
+            end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
+            if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
+                continue
+            travel, stopper = self._travel(path[-1], direction, length)
+            traced += travel > self.least
+            if stopper is None and np.isinf(length):
+                return TranslationResult(removal=self._removal(path, direction), legs=traced)
+            if stopper is None:
+                self._expand([*path, end])
+                continue
+            self.met.add(stopper)
+            self.reach[key] = travel
+            # where curved faces meet there is no level: back off to where they touch
+            back = travel - self.blocking.limit(self.part, stopper)
+            if back > self.least:
+                self._push(path, np.array([signed]), np.array([back]), np.array([False]))
+        reason = (
+            f"translation search ran out of its budget of {traced} legs"
+            if self.queue
+            else f"no way out by translations along the {len(self.lines)} lines tried, and no proof that there is none"
+        )
+        return TranslationResult(removal=None, blocked_by=tuple(sorted(self.met)), reason=reason, legs=traced)
+
+    def _expand(self, path: list[np.ndarray]) -> None:
+        """Queue the most promising legs that start at the end of a path."""
+        here = path[-1]
+        self.seen.add(self._key(here))
+        signs, lengths, exits = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0, bool)]
+        for signed, direction in enumerate(self.signed):
+            travel, stoppers = self.space.travel(self.mask, here, direction)
+            self.met.update(bits(stoppers))
+            ends = halts(self.differences, self.lines, here, direction, travel, self.config.max_halts)
+            ends = np.append(ends[ends > self.least], np.inf)
+            signs.append(np.full(len(ends), signed))
+            lengths.append(ends)
+            exits.append(np.full(len(ends), not stoppers))
+        self._push(path, np.concatenate(signs), np.concatenate(lengths), np.concatenate(exits))
+
+    def _push(
+        self,
+        path: list[np.ndarray],
+        signed: Int[np.ndarray, "leg"],
+        lengths: Float[np.ndarray, "leg"],
+        is_open: Bool[np.ndarray, "leg"],
+    ) -> None:
+        """Queue legs; infinite ones, where the lattice leaves their line open, are ways out."""
+        ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.signed[signed]
+        steps = self.space.distances(self.flood, ends)
+        steps[np.isinf(lengths) & is_open] = 0.0
+        places = np.round(ends / self.cell).astype(int).tolist()
+        queued = np.zeros(len(self.signed), dtype=int)
+        for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
+            is_known = np.isfinite(lengths[k]) and tuple(places[k]) in self.seen
+            if is_known or queued[signed[k]] == self.config.max_branches:
+                continue
+            queued[signed[k]] += 1
+            self.pushed += 1
+            cost = float(steps[k]) + self.config.leg_cost * len(path)
+            heapq.heappush(self.queue, (cost, self.pushed, path, int(signed[k]), float(lengths[k])))
+
+    def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
+        return tuple(np.round(place / self.cell).astype(int).tolist())
+
+    def _travel(
+        self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float
+    ) -> tuple[float, int | None]:
+        """How far the part goes from an offset, up to a length, and the obstacle that stops it there if one does."""
+        shortest, stopper = length, None
+        for meeting, other in self.blocking.met(self.part, offset, direction, self.others):
+            if meeting >= shortest:
+                break
+            travel = self.blocking.travel(self.part, offset, direction, other, length=shortest)
+            if travel < shortest:
+                shortest, stopper = travel, other
+                if shortest < self.cell:
+                    break
+        return shortest, stopper
+
+    def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:
+        blocking = self.blocking
+        back = blocking.world_bounds_along(self.part, direction)[0] + float(path[-1] @ direction)
+        front = max(blocking.world_bounds_along(other, direction)[1] for other in self.others)
+        end = path[-1] + (max(front - back, 0.0) + 0.05 * blocking.sizes[self.part]) * direction
+        displacements = np.stack([np.eye(4)] * (len(path) + 1))
+        displacements[1:-1, :3, 3] = np.array(path[1:]).reshape(-1, 3)
+        displacements[-1, :3, 3] = end
+        return Removal(displacements=displacements, exit_direction=direction)
 
 
-def _removal(
-    blocking: Blocking,
-    part: int,
-    others: Sequence[int],
-    path: list[np.ndarray],
-    direction: Float[np.ndarray, "3"],
-) -> Removal:
-    back = blocking.world_bounds_along(part, direction)[0] + float(path[-1] @ direction)
-    front = max(blocking.world_bounds_along(other, direction)[1] for other in others)
-    end = path[-1] + (max(front - back, 0.0) + 0.05 * blocking.sizes[part]) * direction
-    displacements = np.stack([np.eye(4)] * (len(path) + 1))
-    displacements[1:-1, :3, 3] = np.array(path[1:]).reshape(-1, 3)
-    displacements[-1, :3, 3] = end
-    return Removal(displacements=displacements, exit_direction=direction)
-
-
-def _reach(blocking: Blocking, part: int) -> float:
-    return float(np.linalg.norm(np.ptp(blocking.bodies[part].vertices, axis=0)))
-
-
-def _key(offset: Float[np.ndarray, "3"], cell: float) -> tuple[int, ...]:
-    return tuple(int(x) for x in np.round(offset / cell))
+def _lines(blocking: Blocking, part: int, most: int) -> Float[np.ndarray, "line 3"]:
+    """The part's own lines, then the assembly's, without repeats."""
+    kept: list[np.ndarray] = []
+    for line in np.concatenate([blocking.part_lines[part], blocking.directions]):
+        if len(kept) < most and all(abs(line @ other) < 0.99996 for other in kept):
+            kept.append(line)
+    return np.array(kept)

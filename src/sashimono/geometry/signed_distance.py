@@ -12,7 +12,8 @@ from jaxtyping import Float, Int
 from numba import njit
 
 _LEAF_SIZE = 4
-_STACK_SIZE = 128
+STACK_SIZE = 128
+"""Nodes that wait at most in a walk down the hierarchy."""
 _MIDPOINT_LEVELS = 64
 """Below this level nodes are halved by count, so that the depth stays under the stack size."""
 
@@ -61,27 +62,6 @@ class SignedDistance:
         """Return how deep the deepest of the points, moved by T, lies inside [m]; 0 if none does."""
         return _depth(points, T, self._boxes, self._links, self._triangles, self._normals)
 
-    def march(
-        self,
-        points: Float[np.ndarray, "n 3"],
-        direction: Float[np.ndarray, "3"],
-        *,
-        length: float,
-        limit: float,
-        least_step: float,
-    ) -> tuple[float, float]:
-        """Return how far the points travel along a unit direction before one is deeper than ``limit``.
-
-        Sphere tracing, the points in the mesh frame: one that is d outside cannot be deeper than the
-        limit before it has gone d + limit, so nothing is jumped but dips shorter than ``least_step``.
-        Returns (travel [m], infinite if no point gets too deep within ``length``; deepest depth met [m]).
-        """
-        points = np.ascontiguousarray(points, dtype=np.float64)
-        direction = np.ascontiguousarray(direction, dtype=np.float64)
-        return _march(
-            points, direction, length, limit, least_step, self._boxes, self._links, self._triangles, self._normals
-        )
-
     def contains(self, point: Float[np.ndarray, "3"]) -> bool:
         """Return whether the point lies strictly inside."""
         return bool(self.query(np.asarray(point, dtype=np.float64)[None])[0] < 0.0)
@@ -126,7 +106,7 @@ def _build(triangles):  # pragma: no cover - compiled
             centers[m, k] = (triangles[m, 0, k] + triangles[m, 1, k] + triangles[m, 2, k]) / 3.0
     boxes = np.empty((2 * n + 1, 6))
     links = np.zeros((2 * n + 1, 2), np.int32)
-    todo = np.empty((_STACK_SIZE, 4), np.int64)
+    todo = np.empty((STACK_SIZE, 4), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2], todo[0, 3] = 0, 0, n, 0
     top = 1
     nodes = 1
@@ -175,9 +155,9 @@ def _box_distance2(x, y, z, box):  # pragma: no cover - compiled
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # a sliver's 0 / 0 is a nan, which no distance is below
-def _closest(x, y, z, t):  # pragma: no cover - compiled
-    """Closest point on a triangle (Ericson, Real-Time Collision Detection, 5.1.5) and its feature."""
+@njit(cache=True, nogil=True)
+def closest_on_triangle(x, y, z, t):  # pragma: no cover - compiled
+    """Return the closest point on a triangle (Ericson, Real-Time Collision Detection, 5.1.5) and its feature."""
     abx, aby, abz = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
     acx, acy, acz = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
     apx, apy, apz = x - t[0, 0], y - t[0, 1], z - t[0, 2]
@@ -205,7 +185,8 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
         return t[0, 0] + w * acx, t[0, 1] + w * acy, t[0, 2] + w * acz, 6
     va = d3 * d6 - d5 * d4
     if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6)) if d4 - d3 + d5 - d6 > 0.0 else 0.0
+        edge = (d4 - d3) + (d5 - d6)
+        w = (d4 - d3) / edge if edge > 0.0 else 0.0
         return (
             t[1, 0] + w * (t[2, 0] - t[1, 0]),
             t[1, 1] + w * (t[2, 1] - t[1, 1]),
@@ -223,8 +204,8 @@ def _closest(x, y, z, t):  # pragma: no cover - compiled
 @njit(cache=True, nogil=True)
 def nearest(x, y, z, bound, boxes, links, triangles, normals):  # pragma: no cover - compiled
     """Signed distance of one point, its nearest triangle and the feature of it; (inf, -1, 0) past ``bound``."""
-    nodes = np.empty(_STACK_SIZE, np.int32)
-    bounds = np.empty(_STACK_SIZE)
+    nodes = np.empty(STACK_SIZE, np.int32)
+    bounds = np.empty(STACK_SIZE)
     nodes[0] = 0
     bounds[0] = _box_distance2(x, y, z, boxes[0])
     top = 1
@@ -238,7 +219,7 @@ def nearest(x, y, z, bound, boxes, links, triangles, normals):  # pragma: no cov
         first, count = links[node, 0], links[node, 1]
         if count > 0:
             for m in range(first, first + count):
-                qx, qy, qz, feature = _closest(x, y, z, triangles[m])
+                qx, qy, qz, feature = closest_on_triangle(x, y, z, triangles[m])
                 dx, dy, dz = x - qx, y - qy, z - qz
                 d2 = dx * dx + dy * dy + dz * dz
                 if d2 < best:
@@ -278,7 +259,7 @@ def nearest_normal(x, y, z, bound, boxes, links, triangles, normals):  # pragma:
     if m < 0:
         return d, 0.0, 0.0, 0.0
     if kind > 0 and abs(d) > 1e-6 * bound:
-        qx, qy, qz, _ = _closest(x, y, z, triangles[m])
+        qx, qy, qz, _ = closest_on_triangle(x, y, z, triangles[m])
         return d, (x - qx) / d, (y - qy) / d, (z - qz) / d
     n = normals[m, kind]
     length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
@@ -316,40 +297,3 @@ def _depth(points, T, boxes, links, triangles, normals):  # pragma: no cover - c
             continue
         deepest = max(deepest, -signed_distance(x, y, z, boxes, links, triangles, normals))
     return deepest
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _march(points, direction, length, limit, least_step, boxes, links, triangles, normals):
-    # pragma: no cover - compiled
-    travel = np.inf
-    deepest = 0.0
-    for k in range(points.shape[0]):
-        start, stop = 0.0, min(length, travel)
-        for axis in range(3):
-            slope = direction[axis]
-            to_low = boxes[0, axis] - points[k, axis]
-            to_high = boxes[0, 3 + axis] - points[k, axis]
-            if abs(slope) < 1e-15:
-                if to_low > 0.0 or to_high < 0.0:
-                    stop = -1.0
-            else:
-                t0, t1 = to_low / slope, to_high / slope
-                start = max(start, min(t0, t1))
-                stop = min(stop, max(t0, t1))
-        t = start
-        while t <= stop:
-            depth = -signed_distance(
-                points[k, 0] + t * direction[0],
-                points[k, 1] + t * direction[1],
-                points[k, 2] + t * direction[2],
-                boxes,
-                links,
-                triangles,
-                normals,
-            )
-            deepest = max(deepest, depth)
-            if depth > limit:
-                travel = min(travel, t)
-                break
-            t += max(limit - depth, least_step)
-    return travel, deepest

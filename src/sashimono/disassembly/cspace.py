@@ -1,0 +1,219 @@
+"""Configuration space of one part under translations, on a lattice, and the proof that there is no way out.
+
+A path of displacements passes lattice displacements at most (√3/2) h away, neighbours among the 26.
+Shrink the part by a and an obstacle by b, a + b >= (√3/2) h + 2 δ: where the shrunk ones share a point
+at a lattice displacement, the real ones share a ball of radius δ at every displacement that rounds to
+it. So if the 26-connected flood from the assembled pose does not reach the rim, every way out by
+translations goes deeper than δ into some obstacle, and δ is more than the pair's allowance plus the
+tolerance of a plan. Leaving out obstacles, or points of the part, keeps this true.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sashimono.disassembly.blocking import Blocking, bits
+from sashimono.disassembly.flood import cast, explore, label, nearest_steps, steps_back
+from sashimono.disassembly.voxels import eroded_lattice
+
+MOST_OBSTACLES = 62
+"""Obstacles that a lattice can tell apart (bits of a word); the nearest are taken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpaceConfig:
+    """Size of the lattices."""
+
+    resolutions: tuple[float, ...] = (2.5, 5.0, 10.0)
+    """Lattice cells to the part's smallest extent: coarse first, the next where that one leaks."""
+    max_cells: int = 1_500_000
+    """Most lattice points around the part; the window of displacements is cut to fit."""
+    max_points: int = 3000
+    """Most lattice points of the part; of more, evenly many are taken."""
+    max_visited: int = 200_000
+    """Most displacements visited by one flood."""
+    max_lead: int = 2000
+    """Most visited displacements that are kept to lead the search."""
+    tolerance: float = 0.02
+    """Depth that a plan may add to the assembled overlap, relative to the smaller part's smallest extent."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Flood:
+    """What a flood found."""
+
+    blocked: bool
+    """Whether there is provably no way out."""
+    proof: tuple[int, ...] = ()
+    """A few obstacles that already prove it."""
+    cells: Int[np.ndarray, "cell 3"] = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    """Displacements visited, on the lattice."""
+    steps: Int[np.ndarray, "cell"] = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Steps from each to the way out that was found."""
+
+
+class Space:
+    """The displacements of one part among the parts around it, on one lattice."""
+
+    def __init__(self, blocking: Blocking, part: int, resolution: float, *, config: SpaceConfig) -> None:
+        self.config = config
+        self.rotation = blocking.frame(part)
+        own = blocking.vertices(part) @ self.rotation.T
+        boxes = blocking.boxes_in(self.rotation)
+        low, high = boxes[part]
+        others = [k for k in range(len(blocking)) if k != part]
+        gaps = np.maximum(boxes[others, 0] - high, low - boxes[others, 1]).max(axis=1)
+        self.obstacles = [others[k] for k in np.argsort(np.round(gaps, 9), kind="stable")[:MOST_OBSTACLES]]
+        """The obstacles, by bit."""
+        outer = boxes[self.obstacles]
+        # where the inertia axes are not determined, the box along the faces may be the smaller one
+        self.spacing = h = min(float(blocking.sizes[part]), float((high - low).min())) / resolution
+        count = np.floor((high - low) / h).astype(int) + 1
+        room = np.stack([high - outer[:, 0].min(axis=0), outer[:, 1].max(axis=0) - low])
+        window = np.maximum(np.ceil(room / h).astype(int) + 1, 2)
+        self.full = window
+        """Lattice steps down and up at which the part's box is past all others', (2, 3)."""
+        self.window = _fit(window, count, config.max_cells)
+        """Lattice steps that the displacements reach down and up, (2, 3)."""
+        self.is_cut = bool((self.window < window).any())
+        """Whether the rim of the lattice is not the way out yet."""
+        shape = self.window.sum(axis=0) + 1
+        corner = low + 0.5 * ((high - low) - (count - 1) * h)
+        fits = np.prod(shape + count - 1) <= config.max_cells
+        self._points = np.zeros((0, 3), np.int32)
+        self._owners = np.zeros(tuple(int(n) for n in shape + count - 1) if fits else (0, 0, 0), np.int64)
+        self._labels = np.zeros(tuple(int(n) for n in shape) if fits else (0, 0, 0), np.int64)
+        self._known = np.zeros(self._labels.shape, np.bool_)
+        if fits:
+            self._fill(blocking, part, own, corner, count, boxes)
+        start = tuple(int(n) for n in self.window[0])
+        self._inside = label(self._points, self._owners, start, self._labels, self._known) if fits else 0
+
+    def flood(self, others: int) -> Flood:
+        """Return whether these obstacles (a mask of parts) hold the part, or the steps to a way out."""
+        if not len(self._points):  # too thin, or too wide, for this lattice
+            return Flood(blocked=False)
+        wanted = self._bits_of(others)
+        steps = np.full(self._labels.shape, -1, np.int32)
+        queue = np.empty((min(self.config.max_visited, steps.size) + 1, 3), np.int32)
+        start = tuple(int(n) for n in self.window[0])
+        out, count, walls = explore(
+            self._points, self._owners, self._labels, self._known, start, wanted, steps, queue, self.config.max_visited
+        )
+        if not out:
+            return Flood(blocked=True, proof=tuple(self.obstacles[bit] for bit in cover(walls.tolist())))
+        if count < 0:
+            return Flood(blocked=False)
+        steps_back(queue, count, steps)
+        cells = queue[np.unique(np.linspace(0, count - 1, min(count, self.config.max_lead)).astype(int))]
+        return Flood(blocked=False, cells=cells, steps=steps[cells[:, 0], cells[:, 1], cells[:, 2]])
+
+    def distances(self, flood: Flood, offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the lattice steps from displacements to the way out that the flood found, 0 past the rim.
+
+        By way of the nearest displacement that the flood visited: real halts are not on the lattice.
+        """
+        places = offsets @ self.rotation.T / self.spacing
+        # past the rim of a window that was cut, what is left is at least the way past all boxes
+        beyond = np.maximum(np.minimum(places + self.full[0], self.full[1] - places).min(axis=1), 0.0)
+        places += self.window[0]
+        if not len(flood.cells):
+            return beyond
+        out = np.empty(len(offsets))
+        nearest_steps(flood.cells, flood.steps, places, out)
+        past = ((places <= 0.5) | (places >= np.array(self._labels.shape) - 1.5)).any(axis=1)
+        return np.where(past, 0.0, out) + (beyond if self.is_cut else 0.0)
+
+    def travel(
+        self, others: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"]
+    ) -> tuple[float, int]:
+        """Return an upper bound of the travel along a direction [m], and the mask of the parts that set it.
+
+        0 where nothing does: then the travel to the rim.
+        """
+        if not self._labels.size:
+            return np.inf, 0
+        start = self.rotation @ offset / self.spacing + self.window[0]
+        along = self.rotation @ direction
+        steps, mask = cast(self._points, self._owners, self._labels, self._known, start, along, self._bits_of(others))
+        return steps * self.spacing, sum(1 << self.obstacles[bit] for bit in bits(mask))
+
+    def _bits_of(self, others: int) -> int:
+        """The obstacles as bits, without those that the lattice has in the assembled pose already."""
+        wanted = sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1)
+        return wanted & ~int(self._inside)
+
+    def _fill(
+        self,
+        blocking: Blocking,
+        part: int,
+        own: Float[np.ndarray, "vertex 3"],
+        corner: Float[np.ndarray, "3"],
+        count: Int[np.ndarray, "3"],
+        boxes: Float[np.ndarray, "part 2 3"],
+    ) -> None:
+        """Draw the shrunk part and the shrunk obstacles."""
+        h, config = self.spacing, self.config
+        half = 0.25 * np.sqrt(3.0) * h * (1.0 + 1e-6)
+        share = config.tolerance * blocking.sizes[part]
+        solid = eroded_lattice(
+            own, blocking.faces(part), origin=corner, spacing=h, shape=tuple(count.tolist()), radius=half + share
+        )
+        shell = solid.copy()
+        inner = solid[1:-1, 1:-1, 1:-1]
+        for axis in range(3):
+            for shift in (-1, 1):
+                inner = inner & np.roll(solid, shift, axis)[1:-1, 1:-1, 1:-1]
+        shell[1:-1, 1:-1, 1:-1] &= ~inner
+        points = np.argwhere(shell).astype(np.int32)
+        if len(points) > config.max_points:
+            points = points[np.linspace(0, len(points) - 1, config.max_points).astype(int)]
+        self._points = points
+        origin = corner - self.window[0] * h
+        for bit, other in enumerate(self.obstacles):
+            first = np.maximum(np.floor((boxes[other, 0] - origin) / h).astype(int), 0)
+            last = np.minimum(np.ceil((boxes[other, 1] - origin) / h).astype(int) + 1, self._owners.shape)
+            if (last <= first).any():
+                continue
+            depth = config.tolerance * min(blocking.sizes[part], blocking.sizes[other])
+            depth += blocking.allowances[part, other]
+            drawn = eroded_lattice(
+                blocking.vertices(other) @ self.rotation.T, blocking.faces(other), origin=origin + first * h, spacing=h,
+                shape=tuple((last - first).tolist()), radius=half + max(2.0 * depth - share, 0.0),
+            )  # fmt: skip
+            view = self._owners[first[0] : last[0], first[1] : last[1], first[2] : last[2]]
+            view[drawn] |= 1 << bit
+
+
+def cover(walls: list[int]) -> list[int]:
+    """Return a few bits of which every mask has at least one, none of them superfluous."""
+    chosen: list[int] = []
+    left = list(walls)
+    while left:
+        counts: dict[int, int] = {}
+        for mask in left:
+            for bit in bits(mask):
+                counts[bit] = counts.get(bit, 0) + 1
+        best = max(counts, key=lambda bit: (counts[bit], -bit))
+        chosen.append(best)
+        left = [mask for mask in left if not mask >> best & 1]
+    for bit in list(chosen):
+        rest = sum(1 << k for k in chosen if k != bit)
+        if all(mask & rest for mask in walls):
+            chosen.remove(bit)
+    return sorted(chosen)
+
+
+def _fit(window: Int[np.ndarray, "2 3"], count: Int[np.ndarray, "3"], max_cells: int) -> Int[np.ndarray, "2 3"]:
+    """Cut the widest reaches of the window until part and window fit the lattice."""
+    low, high = 2, int(window.max())
+    if np.prod(count + window.sum(axis=0)) <= max_cells:
+        return window
+    while high - low > 1:
+        middle = (low + high) // 2
+        fits = np.prod(count + np.minimum(window, middle).sum(axis=0)) <= max_cells
+        low, high = (middle, high) if fits else (low, middle)
+    return np.minimum(window, low)
