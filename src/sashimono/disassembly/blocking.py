@@ -48,7 +48,7 @@ class BlockingConfig:
     """Overlap along the motion that counts as contact of end faces."""
     tolerance: float = 0.015
     """Depth beyond the assembled overlap that the last look allows; under the verification tolerance."""
-    least_step: float = 1.0 / 16.0
+    least_step: float = 1.0 / 64.0
     """Shortest step of the sphere tracing along a wall that the part slides on."""
 
 
