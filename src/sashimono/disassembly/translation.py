@@ -159,7 +159,7 @@ class _BestFirst:
             if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
                 continue
             travel, stopper = self._travel(path[-1], direction, length)
-            traced += travel > self.least
+            traced += int(travel > self.least)
             if stopper is None and np.isinf(length):
                 return TranslationResult(removal=self._removal(path, direction), legs=traced)
             if stopper is None:
