@@ -5,7 +5,7 @@
 Reads the JSON and the meshes by itself, moves each part along its path in small steps and measures
 the intersection with every placed and every resting part by manifold3d. Uses neither the planners nor
 `sashimono.verify`, but for the file reader. A pair is refuted where the intersection is deeper than in
-the assembled pose: where its thickness (2 V / A) exceeds the assembled one plus the tolerance, or the
+the assembled pose: where the deepest point shared exceeds the assembled depth plus the tolerance, or the
 tolerance alone once the two have come apart.
 """
 
@@ -15,6 +15,7 @@ import json
 import sys
 from pathlib import Path
 
+import igl
 import manifold3d
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -40,46 +41,49 @@ def refutations(plan_path: Path, source: Path) -> list[str]:
     sizes = {part.name: extent(part.vertices_part, solids[part.name]) for part in assembly.parts}
     poses = {part["name"]: np.array(part["T_world_part"]) for part in plan["parts"]}
     out = wrong_places(plan, poses, assembly)
-    return out + against_steps(plan["steps"], solids, sizes, poses)
+    return out + against_steps(plan["steps"], Surfaces(assembly), solids, sizes, poses)
 
 
-def against_steps(steps: list[dict], solids: dict, sizes: dict, poses: dict) -> list[str]:
+def against_steps(steps: list[dict], surfaces: Surfaces, solids: dict, sizes: dict, poses: dict) -> list[str]:
     """Return what speaks against steps that follow one another, and against those inside their subassemblies."""
     out = []
     for k, step in enumerate(steps):
         if "subassembly" in step:
-            out += against_steps(step["subassembly"]["steps"], solids, sizes, poses)
-        others = {name: placed(solids[name], poses[name]) for name in step["fixed"]}
+            out += against_steps(step["subassembly"]["steps"], surfaces, solids, sizes, poses)
+        others = {name: poses[name] for name in step["fixed"]}
         for later in steps[k + 1 :]:
-            others |= {name: placed(solids[name], path(later, name, poses)[0]) for name in members(later)}
+            others |= {name: path(later, name, poses)[0] for name in members(later)}
         for name in members(step) if k else []:
-            out += against_part(name, path(step, name, poses), step["fixed"], others, solids, sizes, poses)
+            out += against_part(name, path(step, name, poses), step["fixed"], others, surfaces, solids, sizes)
     return out
 
 
 def against_part(
-    name: str, way: np.ndarray, fixed: list[str], others: dict, solids: dict, sizes: dict, poses: dict
+    name: str, way: np.ndarray, fixed: list[str], others: dict, surfaces: Surfaces, solids: dict, sizes: dict
 ) -> list[str]:
     """Return what one part goes too deep into on its way."""
-    moving, out = solids[name], []
-    allowed = {
-        other: thickness(placed(moving, poses[name]) ^ body) if other in fixed else 0.0
-        for other, body in others.items()
-    }
-    found = set()
+    bodies = {other: placed(solids[other], T) for other, T in others.items()}
+    tolerances = {other: TOLERANCE * min(sizes[name], sizes[other]) for other in others}
+
+    def depth(other: str, T: np.ndarray) -> float:
+        here = placed(solids[name], T)
+        if not boxes_meet(here, bodies[other]):
+            return 0.0
+        return surfaces.depth(here ^ bodies[other], {name: T, other: others[other]})
+
+    allowed = {other: depth(other, way[-1]) if other in fixed else 0.0 for other in others}
+    found, out = set(), []
     # backwards from the assembled pose: once a pair has parted, its overlap excuses nothing any more
     for T in reversed(resampled(way)):
-        here = placed(moving, T)
-        for other, body in others.items():
-            depth = thickness(here ^ body) if boxes_meet(here, body) else 0.0
-            tolerance = TOLERANCE * min(sizes[name], sizes[other])
-            if depth > allowed[other] + tolerance and other not in found:
+        for other in others:
+            deep = depth(other, T)
+            if deep > allowed[other] + tolerances[other] and other not in found:
                 found.add(other)
                 out.append(
-                    f"{name} overlaps {other} {depth * 1e3:.4g} mm thick on its way, "
-                    f"{allowed[other] * 1e3:.4g} mm allowed (tolerance {tolerance * 1e3:.4g} mm)"
+                    f"{name} is {deep * 1e3:.4g} mm deep in {other} on its way, "
+                    f"{allowed[other] * 1e3:.4g} mm allowed (tolerance {tolerances[other] * 1e3:.4g} mm)"
                 )
-            if depth == 0.0:
+            if deep == 0.0:
                 allowed[other] = 0.0
     return out
 
@@ -147,9 +151,22 @@ def boxes_meet(a: manifold3d.Manifold, b: manifold3d.Manifold) -> bool:
     return bool((box_a[:3] <= box_b[3:]).all() and (box_b[:3] <= box_a[3:]).all())
 
 
-def thickness(common: manifold3d.Manifold) -> float:
-    area = common.surface_area()
-    return 2.0 * common.volume() / area if area > 0.0 else 0.0
+class Surfaces:
+    """Distances to the two surfaces of a pair: the deepest point that they share is as deep as it is far from one."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.meshes = {p.name: (np.array(p.vertices_part), p.faces.astype(np.int64)) for p in assembly.parts}
+
+    def depth(self, common: manifold3d.Manifold, places: dict[str, np.ndarray]) -> float:
+        """Return the greatest distance of the shared body's corners from either surface, no signs needed."""
+        if common.is_empty() or common.volume() <= 0.0:
+            return 0.0
+        points = np.array(common.refine(3).to_mesh64().vert_properties[:, :3])
+        out = 0.0
+        for name, T in places.items():
+            seen = np.ascontiguousarray((points - T[:3, 3]) @ T[:3, :3])
+            out = max(out, float(np.sqrt(igl.point_mesh_squared_distance(seen, *self.meshes[name])[0].max())))
+        return out
 
 
 def resampled(path: np.ndarray) -> list[np.ndarray]:

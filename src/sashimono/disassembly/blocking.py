@@ -26,6 +26,7 @@ from sashimono.geometry.directions import (
     part_directions,
 )
 from sashimono.geometry.march import march
+from sashimono.geometry.overlap import intersection_depth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,9 +324,12 @@ def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndar
             if (boxes[a][0] > boxes[b][1]).any() or (boxes[b][0] > boxes[a][1]).any():
                 continue
             T_b_a = se3.inverse(assembly.parts[b].T_world_part) @ assembly.parts[a].T_world_part
-            out[a, b] = out[b, a] = max(
-                bodies[b].depth(bodies[a], T_b_a), bodies[a].depth(bodies[b], se3.inverse(T_b_a))
-            )
+            depth = max(bodies[b].depth(bodies[a], T_b_a), bodies[a].depth(bodies[b], se3.inverse(T_b_a)))
+            if depth > 0.0:
+                # probes can err on a surface that meets itself, and would then excuse what is no overlap
+                exact = intersection_depth(bodies[a], bodies[b], T_b_a)
+                depth = depth if exact is None else min(depth, exact)
+            out[a, b] = out[b, a] = depth
     return out
 
 

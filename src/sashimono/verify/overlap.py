@@ -41,10 +41,10 @@ def intersection(moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "4
     pieces = int(np.clip(np.sqrt(_REFINED_TRIANGLES / common.num_tri()), 1, _FINEST))
     refined = common.refine(pieces) if pieces > 1 else common
     points = np.ascontiguousarray(np.asarray(refined.to_mesh64().vert_properties)[:, :3])
-    # each point lies on one surface and within the other body: the greater distance is its depth
-    depth_fixed = -fixed.distance(points)
-    depth_moving = -moving.distance(se3.apply(se3.inverse(T_fixed_moving), points))
-    return Overlap(volume=volume, depth=max(0.0, float(np.maximum(depth_fixed, depth_moving).max())), exact=True)
+    # each point lies on one surface and within the other body: the greater distance, whatever its sign, is its depth
+    depth_fixed = np.abs(fixed.distance(points))
+    depth_moving = np.abs(moving.distance(se3.apply(se3.inverse(T_fixed_moving), points)))
+    return Overlap(volume=volume, depth=float(np.maximum(depth_fixed, depth_moving).max()), exact=True)
 
 
 def sampled_depth(moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "4 4"]) -> float:
@@ -75,5 +75,7 @@ class AssembledOverlaps:
         if key not in self._known:
             T = se3.inverse(self.poses[fixed]) @ self.poses[moving]
             exact = intersection(self.bodies[moving], self.bodies[fixed], T)
-            self._known[key] = max(exact.depth, sampled_depth(self.bodies[moving], self.bodies[fixed], T))
+            # samples can err on a surface that meets itself, and would then excuse what is no overlap
+            sampled = 0.0 if exact.exact else sampled_depth(self.bodies[moving], self.bodies[fixed], T)
+            self._known[key] = max(exact.depth, sampled)
         return self._known[key]
