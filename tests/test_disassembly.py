@@ -332,3 +332,17 @@ def test_the_part_that_stays_decides_which_set_moves() -> None:
     )
     assert apart is not None
     assert find_subassembly(cascade.blocking, 0b0011, stays=0, worth=lambda d: 0.0, connected=lambda mask: True) is None
+
+
+def test_a_part_whose_motion_was_refused_is_still_spoken_of() -> None:
+    """Nothing is lost between the levels: what may not leave any more is stuck, with a reason."""
+    parts = peg_in_plate()
+    cascade = cascade_of(parts)
+    every = range(-1, cascade.blocking.count_signed)
+    banned = frozenset((1 << part, signed) for part in range(2) for signed in every)
+    result = find_disassembly(cascade, config=SequenceConfig(), banned=banned)
+    assert result.removals == ()
+    ((part, separation),) = result.stuck
+    assert {part, result.base} == {0, 1}
+    assert separation.answer is Answer.UNKNOWN
+    assert "refused" in separation.reason

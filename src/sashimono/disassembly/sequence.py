@@ -136,6 +136,13 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
     )
 
 
+_REFUSED = Separation(
+    answer=Answer.UNKNOWN,
+    reason="the ways out that were found were refused later: no motion there, or refuted by the check",
+)
+"""What is said of a part of which later levels refused what the later stages found."""
+
+
 class _Chooser:
     """Ranks what is free; holds the contact graph and the sizes."""
 
@@ -207,6 +214,7 @@ class _Chooser:
         parts = sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k))
         for part in parts:
             if (1 << part, -1) in self.banned:
+                said.append((part, _REFUSED))
                 continue
             separation = ask(part, remaining)
             if separation.answer is Answer.FREE:
