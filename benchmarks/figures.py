@@ -48,7 +48,7 @@ def figures() -> str:
     return "\n\n".join(
         [
             f"Measured on {where['cores']} cores of {where['processor']}, Python {where['python']}, {where['date']}, "
-            "whole processes, one at a time, median of processor time; failures stay in the denominator.",
+            "whole processes, two at a time, processor time; failures stay in the denominator.",
             "Real CAD from public repositories (`python benchmarks/real_cad.py --second-opinion`; refuted: complete "
             "plans against which a third check, by exact booleans along the motion, found anything):",
             table(("kind", "ended", "complete and verified", "refuted", "median", "worst", "peak memory"), rows),
