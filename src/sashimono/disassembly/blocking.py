@@ -17,7 +17,7 @@ from sashimono.assembly import Assembly, Part
 from sashimono.disassembly import raster
 from sashimono.disassembly.parting import parting_travel
 from sashimono.geometry import se3
-from sashimono.geometry.body import Body
+from sashimono.geometry.body import Body, mutual_depth
 from sashimono.geometry.directions import (
     DirectionConfig,
     frame_along,
@@ -80,8 +80,6 @@ class Blocking:
         self._rotated: dict[tuple[int, int], np.ndarray] = {}
         self._passes: dict[tuple[int, int, int], bool] = {}
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
-        self.count_fine = 0
-        self.count_traced = 0
         own = [_lines_of(part, body, config.directions) for part, body in zip(assembly.parts, self.bodies, strict=True)]
         self.part_lines = [lines if len(lines) else np.eye(3) for lines, _ in own]
         """The lines that each part's own surface and inertia give, in the world frame, heaviest first."""
@@ -157,7 +155,6 @@ class Blocking:
         a, b = (part, other) if signed % 2 == 0 else (other, part)
         relation = self._relation[line]
         if relation[a, b] == raster.OPEN:
-            self.count_fine += 1
             size = min(self.sizes[a], self.sizes[b])
             allowance = self.allowances[a, b]
             stopped = raster.pass_finely(
@@ -176,7 +173,6 @@ class Blocking:
         a, b = (part, other) if signed % 2 == 0 else (other, part)
         key = (line, a, b)
         if key not in self._passes:
-            self.count_traced += 1
             travel = self.travel(a, np.zeros(3), self.directions[line], b)
             self._passes[key] = bool(np.isinf(travel))
             if not self._passes[key]:
@@ -197,47 +193,21 @@ class Blocking:
         a, b = self.bodies[part], self.bodies[other]
         T_b_a = se3.inverse(self.poses[other]) @ se3.make(None, offset) @ self.poses[part]
         size = min(self.sizes[part], self.sizes[other])
-        limit = self.allowances[part, other] + self.config.tolerance * size
         step = self.config.least_step * size
         along_b = self.poses[other][:3, :3].T @ direction
         length = min(length, _separation(a, b, T_b_a, along_b))
         if length <= 0.0:
             return np.inf
-        first = march(
-            b.signed_distance, se3.apply(T_b_a, a.probes), along_b, length=length, limit=limit, least_step=step
-        )
-        if first == 0.0:
-            return 0.0
-        length = min(length, first)
-        T_a_b = se3.inverse(T_b_a)
-        back = -(T_a_b[:3, :3] @ along_b)
-        second = march(a.signed_distance, se3.apply(T_a_b, b.probes), back, length=length, limit=limit, least_step=step)
-        travel = min(first, second)
+        travel = _march_both(a, b, T_b_a, along_b, length=length, limit=self.limit(part, other), least_step=step)
         bare = self.config.tolerance * size
-        if self.allowances[part, other] <= bare:
+        if travel == 0.0 or self.allowances[part, other] <= bare:
             return travel
+        # once the two have parted, the bare tolerance holds
         length = min(length, travel)
-        return min(travel, self._travel_once_parted(a, b, T_b_a, along_b, length=length, bare=bare, step=step))
-
-    def _travel_once_parted(
-        self,
-        a: Body,
-        b: Body,
-        T_b_a: Float[np.ndarray, "4 4"],
-        along_b: Float[np.ndarray, "3"],
-        *,
-        length: float,
-        bare: float,
-        step: float,
-    ) -> float:
-        """How far a goes before it is deeper in b than the bare tolerance once the two have parted."""
         parted = parting_travel(a, b, T_b_a, along_b, length=length, tolerance=bare, least_step=step)
         T_b_a = se3.make(None, parted * along_b) @ T_b_a
-        back = se3.inverse(T_b_a)
-        rest = {"length": length - parted, "limit": bare, "least_step": step}
-        first = march(b.signed_distance, se3.apply(T_b_a, a.probes), along_b, **rest)
-        second = march(a.signed_distance, se3.apply(back, b.probes), -(back[:3, :3] @ along_b), **rest)
-        return parted + min(first, second)
+        rest = _march_both(a, b, T_b_a, along_b, length=length - parted, limit=bare, least_step=step)
+        return min(travel, parted + rest)
 
     def limit(self, part: int, other: int) -> float:
         """Return how deep a pair may overlap on its way [m]."""
@@ -324,7 +294,7 @@ def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndar
             if (boxes[a][0] > boxes[b][1]).any() or (boxes[b][0] > boxes[a][1]).any():
                 continue
             T_b_a = se3.inverse(assembly.parts[b].T_world_part) @ assembly.parts[a].T_world_part
-            depth = max(bodies[b].depth(bodies[a], T_b_a), bodies[a].depth(bodies[b], se3.inverse(T_b_a)))
+            depth = mutual_depth(bodies[a], bodies[b], T_b_a)
             if depth > 0.0:
                 # probes can err on a surface that meets itself, and would then excuse what is no overlap
                 exact = intersection_depth(bodies[a], bodies[b], T_b_a)
@@ -348,6 +318,27 @@ def _separation(a: Body, b: Body, T_b_a: Float[np.ndarray, "4 4"], along_b: Floa
     back = float((se3.apply(T_b_a, a.vertices) @ along_b).min())
     front = float((b.vertices @ along_b).max())
     return front - back
+
+
+def _march_both(
+    a: Body,
+    b: Body,
+    T_b_a: Float[np.ndarray, "4 4"],
+    along_b: Float[np.ndarray, "3"],
+    *,
+    length: float,
+    limit: float,
+    least_step: float,
+) -> float:
+    """How far a goes in b's frame before a probe of either is too deep in the other; inf if it passes."""
+    points = se3.apply(T_b_a, a.probes)
+    first = march(b.signed_distance, points, along_b, length=length, limit=limit, least_step=least_step)
+    if first == 0.0:
+        return 0.0
+    T_a_b = se3.inverse(T_b_a)
+    points, back = se3.apply(T_a_b, b.probes), -(T_a_b[:3, :3] @ along_b)
+    length = min(length, first)
+    return min(first, march(a.signed_distance, points, back, length=length, limit=limit, least_step=least_step))
 
 
 def _mask(row: Bool[np.ndarray, "part"]) -> int:

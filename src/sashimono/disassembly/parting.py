@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.geometry import se3
-from sashimono.geometry.body import Body
+from sashimono.geometry.body import Body, mutual_depth
 
 
 def parting_travel(
@@ -31,7 +31,7 @@ def parting_travel(
     travel = 0.0
     while travel < length:
         T = se3.make(None, travel * direction_fixed) @ T_fixed_moving
-        depth = max(fixed.depth(moving, T), moving.depth(fixed, se3.inverse(T)))
+        depth = mutual_depth(moving, fixed, T)
         if depth <= tolerance:
             return travel
         travel += max(depth - tolerance, least_step)

@@ -129,6 +129,11 @@ class Body:
         return self.signed_distance.depth(other.probes, T_self_other)
 
 
+def mutual_depth(first: Body, second: Body, T_second_first: Float[np.ndarray, "4 4"]) -> float:
+    """Return how deep the probes of either lie inside the other at this pose [m]; 0 if none does."""
+    return max(second.depth(first, T_second_first), first.depth(second, se3.inverse(T_second_first)))
+
+
 def displacement_rate(body: Body, twist: Float[np.ndarray, "6"]) -> float:
     """Return an upper bound of any point's path length along the body-fixed twist for unit time [m]."""
     v, w = twist[:3], twist[3:]
