@@ -3,7 +3,7 @@
     python benchmarks/level1.py [NAME ...] [--generated N ...] [--single]
 
 Assemblies of ``shared/truth`` and generated ones: stacks of rings on a post, boards with pegs, gear
-trains between plates. Each runs twice in one process; the second run counts. ``--single`` leaves out
+trains between plates, bolted flanges, blocks boxed under a lid and tilted against the axes. Each runs twice in one process; the second run counts. ``--single`` leaves out
 the later stages (translations in several legs) of the removal conditions. Also: time of one query.
 """
 
@@ -33,7 +33,7 @@ def main() -> None:
     config = SeparateConfig(max_queries=0) if options.single else SeparateConfig()
     rows = []
     for size in options.generated:
-        for make in (ring_stack, pegged_board, gear_train):
+        for make in (ring_stack, pegged_board, gear_train, bolted_flanges, boxed_blocks):
             rows.append(measure(f"{make.__name__}_{size}", make(size), config))
             print(table(list(rows[-1]), [list(rows[-1].values())]).splitlines()[-1], flush=True)
     if options.names:
@@ -133,6 +133,44 @@ def gear_train(count: int) -> Assembly:
         else:
             parts[f"pin{k // 2}"] = Manifold.cylinder(0.02, 0.003, 0.003, 24).translate((x, 0.0, -0.004))
     return _assembly({"base": base, "cover": cover} | parts)
+
+
+def bolted_flanges(count: int) -> Assembly:
+    """Flanges in a row along x, each bolted to the one before by two bolts."""
+    parts: dict[str, Manifold] = {}
+    sideways = (0.0, 90.0, 0.0)
+    for k in range((count + 2) // 3):
+        parts[f"flange{k}"] = Manifold.cylinder(0.01, 0.025, 0.025, 48).rotate(sideways).translate((0.01 * k, 0.0, 0.0))
+    for k in range(count - len(parts)):
+        angle, flange = np.pi * (k % 2 + 0.37 * (k // 2)), k // 2
+        y, z = 0.017 * np.cos(angle), 0.017 * np.sin(angle)
+        head = Manifold.cylinder(0.004, 0.0035, 0.0035, 6)
+        shank = Manifold.cylinder(0.014, 0.0018, 0.0018, 24).translate((0.0, 0.0, -0.014))
+        bolt = (head + shank).rotate(sideways).translate((0.01 * flange + 0.016, y, z))
+        room = Manifold.cylinder(0.0041, 0.004, 0.004, 24) + Manifold.cylinder(0.016, 0.0019, 0.0019, 24).translate(
+            (0.0, 0.0, -0.016)
+        )
+        hollow = room.rotate(sideways).translate((0.01 * flange + 0.016, y, z))
+        parts = {name: solid - hollow if name.startswith("flange") else solid for name, solid in parts.items()}
+        parts[f"bolt{k}"] = bolt
+    return _assembly(parts)
+
+
+def boxed_blocks(count: int) -> Assembly:
+    """Blocks side by side in the pockets of a box, under a lid that sits in its rim; tilted."""
+    columns = int(np.ceil(np.sqrt(count - 2)))
+    side = 0.02 * columns + 0.004
+    box = Manifold.cube((side, side, 0.02)) - Manifold.cube((side - 0.004, side - 0.004, 0.006)).translate(
+        (0.002, 0.002, 0.016)
+    )
+    lid = Manifold.cube((side - 0.0042, side - 0.0042, 0.004)).translate((0.0021, 0.0021, 0.016))
+    parts: dict[str, Manifold] = {}
+    for k in range(count - 2):
+        x, y = 0.02 * (k % columns) + 0.004, 0.02 * (k // columns) + 0.004
+        box -= Manifold.cube((0.016, 0.016, 0.016)).translate((x, y, 0.002))
+        parts[f"block{k}"] = Manifold.cube((0.0158, 0.0158, 0.0138)).translate((x + 0.0001, y + 0.0001, 0.002))
+    tilted = {"box": box, "lid": lid} | parts
+    return _assembly({name: solid.rotate((17.0, 31.0, 53.0)) for name, solid in tilted.items()})
 
 
 def _tooth(index: int, count: int, shift: float) -> Manifold:
