@@ -24,6 +24,7 @@ from sashimono.geometry.directions import (
     inertia_directions,
     merge_directions,
     part_directions,
+    perpendicular_directions,
 )
 from sashimono.geometry.march import march
 from sashimono.geometry.overlap import intersection_depth
@@ -77,7 +78,9 @@ class Blocking:
         self.directions = np.zeros((0, 3))
         self._boxes = np.array([[v.min(axis=0), v.max(axis=0)] for v in self._vertices])
         self._relation: list[np.ndarray] = []
+        self._frames: list[np.ndarray] = []
         self._rotated: dict[tuple[int, int], np.ndarray] = {}
+        self._slabs: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._passes: dict[tuple[int, int, int], bool] = {}
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
         own = [_lines_of(part, body, config.directions) for part, body in zip(assembly.parts, self.bodies, strict=True)]
@@ -108,7 +111,9 @@ class Blocking:
         config = self.config
         options = np.array([config.axial, config.pixel, config.coarse_margin])
         for line in lines:
-            rotated = self._all_vertices @ frame_along(line).T
+            frame = frame_along(line)
+            self._frames.append(frame)
+            rotated = self._all_vertices @ frame.T
             relation = np.zeros((len(self), len(self)), np.uint8)
             raster.classify(
                 rotated, self._vertex_start, self._all_faces, self._face_start, config.coarse_resolution,
@@ -173,8 +178,9 @@ class Blocking:
         a, b = (part, other) if signed % 2 == 0 else (other, part)
         key = (line, a, b)
         if key not in self._passes:
-            travel = self.travel(a, np.zeros(3), self.directions[line], b)
-            self._passes[key] = bool(np.isinf(travel))
+            self._passes[key] = self._slides_past(line, a, b) or bool(
+                np.isinf(self.travel(a, np.zeros(3), self.directions[line], b))
+            )
             if not self._passes[key]:
                 self._set(line, a, b, raster.BLOCKED)
         return self._passes[key]
@@ -233,6 +239,11 @@ class Blocking:
         found = zip(np.maximum(enter[hit], 0.0).tolist(), others[hit].tolist(), strict=True)
         return sorted((float(t), int(k)) for t, k in found)
 
+    def boxes_meet(self, a: int, b: int, gap: float) -> bool:
+        """Return whether two parts' boxes, assembled, are nearer than the gap [m]."""
+        apart = np.maximum(self._boxes[a, 0] - self._boxes[b, 1], self._boxes[b, 0] - self._boxes[a, 1])
+        return bool((apart < gap).all())
+
     def vertices(self, part: int) -> Float[np.ndarray, "vertex 3"]:
         """Return a part's vertices in the assembled pose, in the world frame [m]."""
         return self._vertices[part]
@@ -263,10 +274,24 @@ class Blocking:
         along = self._vertices[part] @ direction
         return np.array([along.min(), along.max()])
 
+    def _slides_past(self, line: int, a: int, b: int) -> bool:
+        """Whether a slab along the direction keeps the two apart all the way: then no point gets too deep.
+
+        A point is no deeper in a part than it is past any plane that has the part on one side.
+        """
+        if line not in self._slabs:
+            normals = perpendicular_directions(self.directions[line], self.directions)
+            along = self._all_vertices @ normals.T
+            starts = self._vertex_start[:-1]
+            self._slabs[line] = (np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts))
+        low, high = self._slabs[line]
+        overlap = np.minimum(high[a] - low[b], high[b] - low[a]).min()
+        return bool(overlap <= self.config.tolerance * min(self.sizes[a], self.sizes[b]))
+
     def _along(self, line: int, part: int) -> Float[np.ndarray, "vertex 3"]:
         key = (line, part)
         if key not in self._rotated:
-            self._rotated[key] = self._vertices[part] @ frame_along(self.directions[line]).T
+            self._rotated[key] = self._vertices[part] @ self._frames[line].T
         return self._rotated[key]
 
     def _set(self, line: int, a: int, b: int, value: int) -> None:

@@ -48,6 +48,8 @@ class ContactNormals:
         """Normals that relieve a: samples of a near b give -normal of a, samples of b near a give +normal of b."""
         table = self._blocking
         near = self._gap * min(table.sizes[a], table.sizes[b])
+        if not table.boxes_meet(a, b, near):
+            return np.zeros((0, 3))
         found = [np.zeros((0, 3))]
         for first, second, sign in ((a, b, -1.0), (b, a, 1.0)):
             body, tree = table.bodies[first], table.bodies[second]

@@ -203,11 +203,12 @@ class Cascade:
         """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
         table = self.blocking
         others = table.all_parts & ~(1 << part)
-        kept: dict[int, Removal] = {}
-        order = sorted(range(table.count_signed), key=lambda s: (sum(m.bit_count() for m in table.masks(part, s)), s))
+        kept: dict[int, int] = {}
+        masks = [table.masks(part, signed) for signed in range(table.count_signed)]
+        order = sorted(range(len(masks)), key=lambda s: (masks[s][0].bit_count() + masks[s][1].bit_count(), s))
         for signed in order:
-            blocked = table.masks(part, signed)[0]
-            for other in bits(table.masks(part, signed)[1]):
+            blocked, unclear = table.masks(part, signed)
+            for other in bits(unclear):
                 if any(mask & blocked == mask for mask in kept):
                     break
                 if table.is_blocked_by(part, signed, other):
@@ -219,9 +220,9 @@ class Cascade:
                     blocked |= 1 << other
             if any(mask & blocked == mask for mask in kept):
                 continue
-            kept = {mask: removal for mask, removal in kept.items() if blocked & mask != blocked}
-            kept[blocked] = self.straight(part, others & ~blocked, table.direction(signed))
-        return kept
+            kept = {mask: by for mask, by in kept.items() if blocked & mask != blocked}
+            kept[blocked] = signed
+        return {mask: self.straight(part, others & ~mask, table.direction(by)) for mask, by in kept.items()}
 
     def _ask_further(self, part: int, others: int) -> Separation:
         table, config = self.blocking, self.config

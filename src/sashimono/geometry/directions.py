@@ -13,6 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from sashimono.geometry.se3 import hat
+from sashimono.geometry.topology import edge_keys
+
 
 @dataclass(frozen=True, kw_only=True)
 class DirectionConfig:
@@ -76,9 +79,19 @@ def merge_directions(
 def frame_along(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
     """Return a right-handed rotation with rows (u, v, direction)."""
     helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    u = np.cross(helper, direction)
+    u = hat(helper) @ direction
     u /= np.linalg.norm(u)
-    return np.stack([u, np.cross(direction, u), direction])
+    return np.stack([u, hat(direction) @ u, direction])
+
+
+def perpendicular_directions(
+    direction: Float[np.ndarray, "3"], lines: Float[np.ndarray, "line 3"]
+) -> Float[np.ndarray, "normal 3"]:
+    """Return unit vectors at right angles to a direction: across each line, and of each line what is across."""
+    across = np.concatenate([np.cross(direction, lines), frame_along(direction)[:1]])
+    lengths = np.linalg.norm(across, axis=1)
+    across = across[lengths > 1e-6] / lengths[lengths > 1e-6, None]
+    return np.concatenate([across, np.cross(direction, across)])
 
 
 def sphere_directions(count: int) -> Float[np.ndarray, "count 3"]:
@@ -98,16 +111,16 @@ def _edge_axes(
     config: DirectionConfig,
 ) -> tuple[Float[np.ndarray, "edge 3"], Float[np.ndarray, "edge"]]:
     """Edges between facets that bend smoothly, each weighing half of its two facets' area."""
-    pairs = np.sort(np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    order = np.lexsort((pairs[:, 1], pairs[:, 0]))
-    pairs, owner = pairs[order], owner[order]
-    twin = np.flatnonzero((pairs[1:] == pairs[:-1]).all(axis=1))
+    keys = edge_keys(faces)
+    order = np.argsort(keys, kind="stable")
+    owner, keys = order // 3, keys[order]
+    twin = np.flatnonzero(keys[1:] == keys[:-1])
     a, b = owner[twin], owner[twin + 1]
     cosine = (normals[a] * normals[b]).sum(axis=1)
     bent = (cosine < np.cos(np.radians(0.5))) & (cosine > np.cos(config.smooth_angle))
     twin, a, b = twin[bent], a[bent], b[bent]
-    edges = vertices[pairs[twin, 1]] - vertices[pairs[twin, 0]]
+    starts, ends = faces.reshape(-1)[order[twin]], faces[:, [1, 2, 0]].reshape(-1)[order[twin]]
+    edges = vertices[ends] - vertices[starts]
     lengths = np.linalg.norm(edges, axis=1)
     fine = lengths > 0.0
     return edges[fine] / lengths[fine, None], 0.5 * (areas[a] + areas[b])[fine]

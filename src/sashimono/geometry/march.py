@@ -53,7 +53,10 @@ def _box_range(x, y, z, direction, stop, box):  # pragma: no cover - compiled
 
 @njit(cache=True, nogil=True)
 def _crossing(x, y, z, direction, t):  # pragma: no cover - compiled
-    """Where a line crosses a triangle (Möller & Trumbore 1997), its rim included; infinite if it does not."""
+    """Where a line crosses a triangle (Möller & Trumbore 1997), its rim included, and whether it enters there.
+
+    Infinite if it does not cross.
+    """
     e1x, e1y, e1z = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
     e2x, e2y, e2z = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
     px = direction[1] * e2z - direction[2] * e2y
@@ -61,24 +64,24 @@ def _crossing(x, y, z, direction, t):  # pragma: no cover - compiled
     pz = direction[0] * e2y - direction[1] * e2x
     det = e1x * px + e1y * py + e1z * pz
     if abs(det) <= 1e-9 * np.sqrt((e1x * e1x + e1y * e1y + e1z * e1z) * (e2x * e2x + e2y * e2y + e2z * e2z)):
-        return np.inf  # along the triangle's plane
+        return np.inf, False  # along the triangle's plane
     inv = 1.0 / det
     sx, sy, sz = x - t[0, 0], y - t[0, 1], z - t[0, 2]
     u = (sx * px + sy * py + sz * pz) * inv
     qx, qy, qz = sy * e1z - sz * e1y, sz * e1x - sx * e1z, sx * e1y - sy * e1x
     v = (direction[0] * qx + direction[1] * qy + direction[2] * qz) * inv
     if u < -1e-9 or v < -1e-9 or u + v > 1.0 + 1e-9:
-        return np.inf
-    return (e2x * qx + e2y * qy + e2z * qz) * inv
+        return np.inf, False
+    return (e2x * qx + e2y * qy + e2z * qz) * inv, det > 0.0
 
 
 @njit(cache=True, nogil=True)
 def _next_crossing(x, y, z, direction, start, stop, boxes, links, triangles):  # pragma: no cover - compiled
-    """First crossing of the surface from ``start`` on; infinite if there is none up to ``stop``."""
+    """First crossing of the surface from ``start`` on, and whether it enters; infinite if none is up to ``stop``."""
     nodes = np.empty(STACK_SIZE, np.int32)
     nodes[0] = 0
     top = 1
-    best = np.inf
+    best, enters = np.inf, True
     while top > 0:
         top -= 1
         node = nodes[top]
@@ -88,13 +91,15 @@ def _next_crossing(x, y, z, direction, start, stop, boxes, links, triangles):  #
         first, count = links[node, 0], links[node, 1]
         if count > 0:
             for m in range(first, first + count):
-                t = _crossing(x, y, z, direction, triangles[m])
+                t, into = _crossing(x, y, z, direction, triangles[m])
                 if start <= t < best:
-                    best = t
+                    best, enters = t, into
         else:
             nodes[top], nodes[top + 1] = first, first + 1
             top += 2
-    return best if best <= stop else np.inf
+    if best > stop:
+        return np.inf, True
+    return best, enters
 
 
 @njit(cache=True, nogil=True)
@@ -130,9 +135,11 @@ def _march(points, direction, length, limit, least_step, boxes, links, triangles
         safe = t
         while t <= stop:
             if outside:
-                t = _next_crossing(x, y, z, direction, t, stop, boxes, links, triangles)
-                if t == np.inf:
+                crossing, enters = _next_crossing(x, y, z, direction, t, stop, boxes, links, triangles)
+                if crossing == np.inf:
                     break
+                if enters:  # else it was not outside: the sign erred
+                    t = crossing
             distance, closest, _ = nearest(
                 x + t * direction[0],
                 y + t * direction[1],
@@ -163,7 +170,7 @@ def _march(points, direction, length, limit, least_step, boxes, links, triangles
                 travel = min(travel, t)
                 break
             safe = t
-            outside = distance > limit
+            outside = distance > 1e-3 * limit
             if outside:
                 t += max(distance, 1e-3 * least_step)
             else:

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from numba import njit
 
+from sashimono.geometry.topology import edges
+
 _LEAF_SIZE = 4
 STACK_SIZE = 128
 """Nodes that wait at most in a walk down the hierarchy."""
@@ -72,26 +74,26 @@ def _pseudonormals(
 ) -> Float[np.ndarray, "face 7 3"]:
     """Return, for each face, the normals of its inside, its 3 vertices and its 3 edges (ab, bc, ca)."""
     triangles = vertices[faces]
-    edges = triangles[:, [1, 2, 0]] - triangles
-    face_normals = np.cross(edges[:, 0], -edges[:, 2])
+    sides = triangles[:, [1, 2, 0]] - triangles
+    face_normals = np.cross(sides[:, 0], -sides[:, 2])
     lengths = np.linalg.norm(face_normals, axis=1, keepdims=True)
     face_normals = np.divide(face_normals, lengths, out=np.zeros_like(face_normals), where=lengths > 0.0)
-    unit = np.linalg.norm(edges, axis=2, keepdims=True)
-    unit = np.divide(edges, unit, out=np.zeros_like(edges), where=unit > 0.0)
+    unit = np.linalg.norm(sides, axis=2, keepdims=True)
+    unit = np.divide(sides, unit, out=np.zeros_like(sides), where=unit > 0.0)
     angles = np.arccos(np.clip(-(unit * unit[:, [2, 0, 1]]).sum(axis=2), -1.0, 1.0))
-    vertex_normals = np.zeros((len(vertices), 3))
-    for corner in range(3):
-        np.add.at(vertex_normals, faces[:, corner], face_normals * angles[:, corner, None])
-    pairs = np.sort(np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2), axis=1)
-    _, edge_of = np.unique(pairs, axis=0, return_inverse=True)
-    edge_of = edge_of.reshape(-1)
-    edge_normals = np.zeros((edge_of.max() + 1, 3))
-    np.add.at(edge_normals, edge_of, np.repeat(face_normals, 3, axis=0))
+    weighted = face_normals[:, None] * angles[:, :, None]
+    vertex_normals = _sum_by(faces.reshape(-1), weighted.reshape(-1, 3), len(vertices))
+    edge_of = edges(faces).of_face
+    edge_normals = _sum_by(edge_of.reshape(-1), np.repeat(face_normals, 3, axis=0), int(edge_of.max()) + 1)
     out = np.empty((len(faces), 7, 3))
     out[:, 0] = face_normals
     out[:, 1:4] = vertex_normals[faces]
-    out[:, 4:7] = edge_normals[edge_of.reshape(-1, 3)]
+    out[:, 4:7] = edge_normals[edge_of]
     return out
+
+
+def _sum_by(owner: Int[np.ndarray, "n"], vectors: Float[np.ndarray, "n 3"], count: int) -> Float[np.ndarray, "count 3"]:
+    return np.stack([np.bincount(owner, weights=vectors[:, k], minlength=count) for k in range(3)], axis=1)
 
 
 @njit(cache=True, nogil=True)

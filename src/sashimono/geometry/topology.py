@@ -51,16 +51,20 @@ class Edges:
         return bool(len(self.uses) > 0 and (self.net == 0).all())
 
 
-def edges(faces: Int[np.ndarray, "face 3"]) -> Edges:
-    """Return the edges of a mesh."""
+def edge_keys(faces: Int[np.ndarray, "face 3"]) -> Int[np.ndarray, "half_edge"]:
+    """Return one number for each side (ab, bc, ca) of each face: the same number, the same two vertices."""
     start = faces.astype(np.int64)
     stop = np.roll(start, -1, axis=1)
-    low, high = np.minimum(start, stop), np.maximum(start, stop)
-    keys = low * (int(faces.max(initial=0)) + 1) + high
-    _, inverse = np.unique(keys.reshape(-1), return_inverse=True)
+    keys = np.minimum(start, stop) * (int(faces.max(initial=0)) + 1) + np.maximum(start, stop)
+    return keys.reshape(-1)
+
+
+def edges(faces: Int[np.ndarray, "face 3"]) -> Edges:
+    """Return the edges of a mesh."""
+    forward = faces < np.roll(faces, -1, axis=1)
+    _, inverse = np.unique(edge_keys(faces), return_inverse=True)
     of_face = inverse.reshape(-1, 3)
     count = int(of_face.max(initial=-1)) + 1
-    forward = start < stop
     signs = np.where(forward, 1, -1).reshape(-1)
     return Edges(
         of_face=of_face,
