@@ -1,0 +1,74 @@
+"""Many pushes stepped at once: the same answers as the simulation from event to event."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import solids
+
+from sashimono.assembly import Assembly
+from sashimono.bodies import make_bodies
+from sashimono.disassembly.batch import BatchConfig, BatchSimulator, Push
+from sashimono.disassembly.blocking import Blocking, BlockingConfig
+from sashimono.disassembly.paths import Paths
+from sashimono.disassembly.physics import PhysicsConfig, pushes_at
+from sashimono.disassembly.simulate import SimulateConfig, Simulated, simulate
+from sashimono.errors import SashimonoError
+from sashimono.io.read import read_assembly
+
+pytest.importorskip("warp", reason="the gpu extra is not installed")
+
+
+def both(assembly: Assembly, name: str) -> tuple[Blocking, list[Push], list[Simulated], list[Simulated]]:
+    blocking = Blocking(assembly, make_bodies(assembly), config=BlockingConfig())
+    part = assembly.names.index(name)
+    others = tuple(k for k in range(len(assembly)) if k != part)
+    config = PhysicsConfig()
+    paths = Paths(blocking, part, others, tolerance=config.tolerance)
+    wrenches = pushes_at(paths, np.eye(4), config=config)
+    pushes = [Push(part=part, others=others, displacement=np.eye(4), wrench=wrench) for wrench in wrenches]
+    simulator = BatchSimulator(blocking, config=BatchConfig(), device="cpu")
+    oracle = [simulate(paths, np.eye(4), wrench, config=SimulateConfig()) for wrench in wrenches]
+    return blocking, pushes, simulator.simulate(pushes), oracle
+
+
+def check_agreement(assembly: Assembly, name: str) -> list[bool]:
+    """Both say the same of every push, and each path passes the exact check; return which pushes free the part."""
+    blocking, pushes, stepped, oracle = both(assembly, name)
+    free = [outcome.exit_direction is not None for outcome in stepped]
+    assert free == [outcome.exit_direction is not None for outcome in oracle]
+    paths = Paths(blocking, pushes[0].part, pushes[0].others, tolerance=BatchConfig().tolerance)
+    assert all(paths.check(outcome.displacements) for outcome in stepped)
+    return free
+
+
+def test_a_peg_leaves_along_its_hole_only() -> None:
+    free = check_agreement(solids.peg_in_plate(), "peg")
+    assert any(free)
+    assert not all(free)
+
+
+def test_linked_rings_stay_linked_and_go_as_far() -> None:
+    assert not any(check_agreement(solids.linked_rings(), "second"))
+
+
+@pytest.mark.parametrize(("name", "part", "leaves"), [("bayonet", "sock", True), ("bolt_stack_tilt", "washer", False)])
+def test_the_truth_set_says_the_same(name: str, part: str, leaves: bool, truth_folder: Path) -> None:
+    assert any(check_agreement(read_assembly(truth_folder / name, unit="mm"), part)) == leaves
+
+
+def test_the_batch_size_changes_nothing() -> None:
+    assembly = solids.linked_rings()
+    blocking, pushes, stepped, _ = both(assembly, "second")
+    one_by_one = BatchSimulator(blocking, config=BatchConfig(batch=1), device="cpu").simulate(pushes)
+    for a, b in zip(stepped, one_by_one, strict=True):
+        assert np.array_equal(a.displacements, b.displacements)
+
+
+def test_a_device_that_is_not_there_is_named() -> None:
+    assembly = solids.peg_in_plate()
+    blocking = Blocking(assembly, make_bodies(assembly), config=BlockingConfig())
+    with pytest.raises(SashimonoError, match="cuda:99"):
+        BatchSimulator(blocking, config=BatchConfig(), device="cuda:99")
