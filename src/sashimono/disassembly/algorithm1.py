@@ -53,7 +53,7 @@ class Algorithm1Config:
     """Threads that simulate; changes the time only."""
     batch: int = 4
     """Attempts for each of several workers that are simulated before it is their turn; changes the time only. A part
-    that leaves makes some of them vain."""
+    that leaves makes them vain, so never more than did not take a part out since the last one left."""
     monotone: bool = True
     """Drop all states in which a part remains that is known to leave. Fewer obstacles never block a motion, so no
     answer is lost; without it the queue grows exponentially with the parts, as printed."""
@@ -143,6 +143,8 @@ class _Search:
         self.blocking, self.config = blocking, config
         self.is_executable, self.refused = is_executable, refused
         self.attempts = self.traced = 0
+        self.in_row = 0
+        """Attempts since the last part left."""
         self.queue: deque[_Attempt] = deque()
         self._sets: set[int] = set()
         self._poses: dict[tuple[int, int], list[np.ndarray]] = {}
@@ -176,6 +178,7 @@ class _Search:
                 self.simulate_ahead(pool)
             attempt = self.queue.popleft()
             reached = self.take_in(attempt, self.outcome(attempt))
+            self.in_row = self.in_row + 1 if reached is None else 0
             if reached is not None and reached.remaining.bit_count() < best.remaining.bit_count():
                 best = reached
                 progress(len(best.removals))
@@ -199,7 +202,7 @@ class _Search:
 
     def simulate_ahead(self, pool: Executor) -> None:
         """Have the attempts that wait first simulated by the workers."""
-        for attempt in islice(self.queue, self.config.batch * self.config.workers):
+        for attempt in islice(self.queue, min(self.in_row, self.config.batch * self.config.workers)):
             known = self._known.get(attempt.key)
             if attempt.key not in self._ahead and not (known and known.holds(attempt.state.remaining)):
                 self._ahead[attempt.key] = pool.submit(self.simulate, attempt)

@@ -42,7 +42,7 @@ class Paths:
         self._low = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self._high = np.array([box[1] for box in boxes]).reshape(-1, 3)
         self.touched: set[int] = set()
-        """Parts that stopped it in any answer so far: without the others, all answers but `out` are the same, to the bit."""
+        """Parts that stopped it in any answer so far: without the others all answers but `out` are the same, to the bit."""
         self.traced = 0
         """Points whose way past another part was followed so far: what all answers cost."""
 
