@@ -42,7 +42,7 @@ class Paths:
         self._low = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self._high = np.array([box[1] for box in boxes]).reshape(-1, 3)
         self.touched: set[int] = set()
-        """Parts that stopped it in any answer so far: without the others all answers but `out` are the same, to the bit."""
+        """Parts that stopped it in any answer so far: without the others all answers but `out` are bitwise the same."""
         self.traced = 0
         """Points whose way past another part was followed so far: what all answers cost."""
 
@@ -119,8 +119,8 @@ class Paths:
     ) -> list[int]:
         """Return the others whose boxes the part's box comes within the margin of [m], at D or along the twist."""
         low, high = self._swept_box(D, twist)
-        meets = ((self._low <= high + margin) & (self._high >= low - margin)).all(axis=1)
-        return [other for other, met in zip(self.others, meets, strict=True) if met]
+        meets = np.all((self._low <= high + margin) & (self._high >= low - margin), axis=1)
+        return [self.others[k] for k in np.flatnonzero(meets)]
 
     def _swept_box(
         self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"] | None
