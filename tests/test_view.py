@@ -17,7 +17,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from view_example import HOSTILE_NAMES, NAMES, box, stacked_blocks
+from view_example import HOSTILE_NAMES, NAMES, box, paired_blocks, stacked_blocks
 
 from sashimono.assembly import Part
 from sashimono.geometry import se3
@@ -29,9 +29,10 @@ from sashimono.view.explode import explosion_offsets
 from sashimono.view.glb import render_glb
 from sashimono.view.html import render_html
 from sashimono.view.keyframes import make_keyframes, rotation_between
+from sashimono.view.playback import played_steps
 from sashimono.view.scene import make_scene, pack_octahedral
 from sashimono.view.shapes import fit_rigid, make_shapes
-from sashimono.view.timeline import make_timeline, path_lengths
+from sashimono.view.timeline import bounds_at, make_timeline, path_lengths, tracks
 
 CREASE = ViewConfig().crease_angle
 
@@ -130,15 +131,43 @@ def test_rigid_copies_share_a_shape_and_mirror_images_do_not() -> None:
 def test_times_follow_path_length_and_insertions_are_slower() -> None:
     plan, assembly = stacked_blocks()
     config = ViewConfig(min_move_seconds=0.0)
-    timeline = make_timeline(plan, assembly, config)
+    timeline = make_timeline(plan, played_steps(plan, assembly, config), assembly, config)
     for step, timing in zip(plan.steps[1:], timeline.steps[1:], strict=True):
-        speed = path_lengths(step.motion, assembly.part(step.part)) / np.diff(timing.pose_times)
+        speed = path_lengths(step.motion.T_world_part, assembly.part(step.part)) / np.diff(timing.pose_times)
         assert speed[0] == pytest.approx(speed[1])
         assert speed[2] == pytest.approx(speed[0] / config.insertion_slowdown)
         assert timing.start + config.hold_seconds == pytest.approx(timing.pose_times[0])
     starts = [timing.start for timing in timeline.steps]
     assert starts[1:] == [timing.stop for timing in timeline.steps[:-1]]
     assert timeline.duration == timeline.steps[-1].stop
+
+
+def test_a_subassembly_is_put_together_beside_the_others_and_goes_on_from_there() -> None:
+    plan, assembly = paired_blocks()
+    config = ViewConfig()
+    played = played_steps(plan, assembly, config)
+    assert [(entry.label, entry.depth) for entry in played] == [("1", 0), ("2", 0), ("3.1", 1), ("3.2", 1), ("3", 0)]
+    shown = tracks(played, make_timeline(plan, played, assembly, config), plan)
+    pair = plan.steps[-1]
+    for name in pair.members:
+        poses, times = shown[name]
+        assert (np.diff(times) > 0.0).all()
+        np.testing.assert_allclose(poses[-1], plan.parts[name], atol=1e-12)
+    # what follows a step begins where the step has left each part
+    inner, whole = played[3], played[4]
+    np.testing.assert_allclose(whole.member_poses(pair.members[1], plan.parts)[0], inner.poses[-1], atol=1e-12)
+    carry = whole.segments[0]
+    assert carry.kind == "carry"
+    np.testing.assert_allclose(whole.poses[carry.stop :], pair.motion.T_world_part, atol=1e-12)
+    # nothing else is where it is put together, on the table
+    bench = [bounds_at(assembly.part(e.step.part), T) for e in played[2:4] for T in e.poses]
+    low, high = np.min(bench, axis=0)[0], np.max(bench, axis=0)[1]
+    assert plan.table is not None
+    assert low @ plan.table.normal == pytest.approx(plan.table.offset)
+    for step in (*plan.steps[:2], pair):
+        for T in step.motion.T_world_part[[0, -1]]:
+            box_ = bounds_at(assembly.part(step.part), T)
+            assert (box_[0] > high).any() or (box_[1] < low).any()
 
 
 def test_a_turn_in_place_and_a_repeated_pose_take_time() -> None:
@@ -148,7 +177,7 @@ def test_a_turn_in_place_and_a_repeated_pose_take_time() -> None:
     motion = Motion(
         T_world_part=np.array([turned, turned, np.eye(4)]), segments=(Segment(kind="transit", start=0, stop=2),)
     )
-    assert np.allclose(path_lengths(motion, part), [0.0, 0.5 * np.sqrt(0.75)])
+    assert np.allclose(path_lengths(motion.T_world_part, part), [0.0, 0.5 * np.sqrt(0.75)])
 
 
 def test_explosion_clears_every_part_and_keeps_the_base() -> None:
@@ -199,7 +228,7 @@ def test_glb_is_valid_and_ends_assembled(tmp_path: Path) -> None:
     root = Rotation.from_quat(nodes[0]["rotation"])
     assert np.allclose(root.apply([0.0, 0.0, 1.0]), [0.0, 1.0, 0.0])
     assert [nodes[k]["name"] for k in nodes[0]["children"]] == list(NAMES)
-    duration = make_timeline(plan, assembly, ViewConfig()).duration
+    duration = make_timeline(plan, played_steps(plan, assembly, ViewConfig()), assembly, ViewConfig()).duration
     (animation,) = document["animations"]
     assert len(animation["channels"]) == 2 * (len(plan.steps) - 1)
     for channel in animation["channels"]:

@@ -155,24 +155,39 @@ def test_exploded_view_moves_only_what_is_drawn(complete: Any) -> None:
     complete.evaluate("sashimono.setView({xray: false, table: true, contacts: true})")
 
 
-def test_a_subassembly_moves_as_one_and_is_named(browser: Any, complete: Any, tmp_path: Path) -> None:
+def test_a_subassembly_is_put_together_and_moves_as_one(browser: Any, complete: Any, tmp_path: Path) -> None:
     plan, assembly = paired_blocks()
     pair = plan.steps[-1]
     browser.open(write_html(plan, assembly, tmp_path / "pair.html"))
-    start, stop = (browser.evaluate(f"sashimono.steps[2].{name}") for name in ("start", "stop"))
-    for time, k in ((start, 0), (stop, -1)):
+    steps = browser.evaluate("sashimono.steps")
+    assert [step["label"] for step in steps] == ["1", "2", "3.1", "3.2", "3"]
+
+    def shown(time: float) -> list[np.ndarray]:
         browser.evaluate(f"sashimono.setTime({time})")
-        for name in pair.members:
-            shown = np.array(browser.evaluate(f"sashimono.poseOf({name!r})"))
-            np.testing.assert_allclose(shown, pair.member_poses(name, plan.parts)[k], atol=1e-9)
-    browser.evaluate(f"sashimono.setTime({0.5 * (start + stop)})")
-    lower, upper = (np.array(browser.evaluate(f"sashimono.poseOf({name!r})")) for name in pair.members)
-    between = se3.inverse(plan.parts[pair.members[0]]) @ plan.parts[pair.members[1]]
-    np.testing.assert_allclose(se3.inverse(lower) @ upper, between, atol=1e-9)
+        return [np.array(browser.evaluate(f"sashimono.poseOf({name!r})")) for name in pair.members]
+
+    assert pair.subassembly is not None
+    inner = pair.subassembly.steps[1].motion.T_world_part[0]
+    apart = se3.inverse(plan.parts[pair.members[0]]) @ inner
+    together = se3.inverse(plan.parts[pair.members[0]]) @ plan.parts[pair.members[1]]
+    for time, between in (
+        (0.0, apart),
+        (steps[3]["start"], apart),
+        (steps[3]["stop"], together),
+        (0.5 * (steps[4]["start"] + steps[4]["stop"]), together),
+        (steps[4]["stop"], together),
+    ):
+        lower, upper = shown(time)
+        np.testing.assert_allclose(se3.inverse(lower) @ upper, between, atol=1e-9)
+    for name, pose in zip(pair.members, shown(steps[4]["stop"]), strict=True):
+        np.testing.assert_allclose(pose, plan.parts[name], atol=1e-9)
     said = browser.evaluate("document.getElementById('side').textContent")
     assert "subassembly of 2: block_2, block_3" in said
-    assert "put together before: block_2, then block_3" in said
+    assert "3 + 2 inside" in said
     assert browser.evaluate("document.getElementById('caption').textContent").startswith("block_2 and 1 more")
+    browser.evaluate(f"sashimono.setTime({0.5 * (steps[3]['start'] + steps[3]['stop'])})")
+    caption = browser.evaluate("document.getElementById('caption').textContent")
+    assert "Step 3.2 of 3 · inside a subassembly" in caption
     assert browser.errors == []
 
 

@@ -5,17 +5,20 @@ push waits in one queue; a push that leads to a novel, executable state enqueues
 Where the paper is silent: a part under way is pushed on until it is out, so that each part's motion is whole, and
 states are novel by the set that remains and the pose of the part under way.
 
-Attempts are taken from the queue in batches and simulated side by side. What a batch found is taken in in the order
-of the queue, so the number of workers changes nothing but the time.
+A state's pushes wait in rounds, each with one push of every part. An attempt is not simulated again while all parts
+that it touched remain: it would end the same way, to the bit. With several workers, attempts that wait are simulated
+before it is their turn; what came of them is taken in in the order of the queue all the same, or never, so workers
+change nothing but the time.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from itertools import islice, zip_longest
 
 import numpy as np
 from jaxtyping import Float
@@ -33,18 +36,24 @@ IsExecutable = Callable[[int, int, Removal], bool]
 """Called with (part, mask of the other remaining parts, removal): can a robot do it?"""
 
 
+_Key = tuple[int, bytes, bytes]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Algorithm1Config:
-    """Pushes, budget and batching of Algorithm 1."""
+    """Pushes, budgets and workers of Algorithm 1."""
 
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     """The pushes and their simulation; its budget of pushes holds for each part and remaining set."""
     max_attempts: int = 20_000
     """Pushes simulated in all."""
-    batch: int = 32
-    """Attempts simulated side by side; part of the answer, unlike the number of workers."""
+    max_traced: int = 200_000_000
+    """Points followed past other parts in all, which is most of the work; looked at after each push."""
     workers: int = 1
     """Threads that simulate; changes the time only."""
+    batch: int = 4
+    """Attempts for each of several workers that are simulated before it is their turn; changes the time only. A part
+    that leaves makes them vain, so never more than did not take a part out since the last one left."""
     monotone: bool = True
     """Drop all states in which a part remains that is known to leave. Fewer obstacles never block a motion, so no
     answer is lost; without it the queue grows exponentially with the parts, as printed."""
@@ -65,6 +74,25 @@ class _Attempt:
     state: _State
     part: int
     push: Float[np.ndarray, "6"]
+
+    @property
+    def key(self) -> _Key:
+        """What it does, whatever else remains."""
+        return self.part, self.state.way[-1].tobytes(), self.push.tobytes()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Outcome:
+    """What an attempt led to, what that depended on, and what it cost."""
+
+    simulated: Simulated
+    remaining: int
+    touched: int
+    traced: int
+
+    def holds(self, remaining: int) -> bool:
+        """Whether it would end the same way with these parts remaining."""
+        return not (remaining & ~self.remaining or self.touched & ~remaining)
 
 
 def plan_disassembly(
@@ -87,11 +115,7 @@ def plan_disassembly(
         best = search.run(pool, progress)
     left = bits(best.remaining)
     base = left[int(np.argmax([blocking.bodies[k].mass_properties.volume for k in left]))]
-    reason = (
-        f"Algorithm 1 ran out of its budget of {config.max_attempts} pushes"
-        if search.attempts >= config.max_attempts
-        else f"Algorithm 1 has no push left that leads to a new state, after {search.attempts}"
-    )
+    reason = search.spent or f"Algorithm 1 has no push left that leads to a new state, after {search.attempts}"
     return DisassemblyResult(
         base=base,
         removals=tuple(
@@ -118,12 +142,27 @@ class _Search:
     ) -> None:
         self.blocking, self.config = blocking, config
         self.is_executable, self.refused = is_executable, refused
-        self.attempts = 0
+        self.attempts = self.traced = 0
+        self.in_row = 0
+        """Attempts since the last part left."""
         self.queue: deque[_Attempt] = deque()
         self._sets: set[int] = set()
         self._poses: dict[tuple[int, int], list[np.ndarray]] = {}
-        self._spent: dict[tuple[int, int], int] = {}
+        self._pushed: dict[tuple[int, int], int] = {}
+        self._known: dict[_Key, _Outcome] = {}
+        self._ahead: dict[_Key, Future[_Outcome]] = {}
         self._met: dict[int, set[int]] = {}
+
+    @property
+    def spent(self) -> str:
+        """Which budget ran out; empty while none has."""
+        for unit, count, most in (
+            ("pushes", self.attempts, self.config.max_attempts),
+            ("points traced", self.traced, self.config.max_traced),
+        ):
+            if count >= most:
+                return f"Algorithm 1 ran out of its budget of {most} {unit}"
+        return ""
 
     def met(self, part: int) -> tuple[int, ...]:
         """The parts that stopped this one in any attempt."""
@@ -134,48 +173,72 @@ class _Search:
         best = _State(remaining=self.blocking.all_parts, removals=())
         self._sets.add(best.remaining)
         self.enqueue(best)
-        while self.queue and self.attempts < self.config.max_attempts:
-            size = min(self.config.batch, self.config.max_attempts - self.attempts, len(self.queue))
-            batch = [self.queue.popleft() for _ in range(size)]
-            self.attempts += size
-            outcomes = map(self.simulate, batch) if pool is None else pool.map(self.simulate, batch)
-            for attempt, outcome in zip(batch, list(outcomes), strict=True):
-                reached = self.take_in(attempt, outcome, best)
-                if reached is not None and reached.remaining.bit_count() < best.remaining.bit_count():
-                    best = reached
-                    progress(len(best.removals))
-            if best.remaining.bit_count() == 1:
-                break
+        while self.queue and best.remaining.bit_count() > 1 and not self.spent:
+            if pool is not None:
+                self.simulate_ahead(pool)
+            attempt = self.queue.popleft()
+            reached = self.take_in(attempt, self.outcome(attempt))
+            self.in_row = self.in_row + 1 if reached is None else 0
+            if reached is not None and reached.remaining.bit_count() < best.remaining.bit_count():
+                best = reached
+                progress(len(best.removals))
+        self.forget_ahead()
         return best
 
-    def simulate(self, attempt: _Attempt) -> Simulated:
+    def outcome(self, attempt: _Attempt) -> Simulated:
+        """What an attempt leads to: recalled, from ahead, or simulated now; counted unless it is recalled."""
+        remaining = attempt.state.remaining
+        known = self._known.get(attempt.key)
+        if known is not None and known.holds(remaining):
+            return known.simulated
+        early = self._ahead.pop(attempt.key, None)
+        found = None if early is None or early.cancel() else early.result()
+        if found is None or not found.holds(remaining):
+            found = self.simulate(attempt)
+        self.attempts += 1
+        self.traced += found.traced
+        self._known[attempt.key] = found
+        return found.simulated
+
+    def simulate_ahead(self, pool: Executor) -> None:
+        """Have the attempts that wait first simulated by the workers."""
+        for attempt in islice(self.queue, min(self.in_row, self.config.batch * self.config.workers)):
+            known = self._known.get(attempt.key)
+            if attempt.key not in self._ahead and not (known and known.holds(attempt.state.remaining)):
+                self._ahead[attempt.key] = pool.submit(self.simulate, attempt)
+
+    def forget_ahead(self) -> None:
+        """Call off what no worker has begun."""
+        self._ahead = {key: early for key, early in self._ahead.items() if not early.cancel()}
+
+    def simulate(self, attempt: _Attempt) -> _Outcome:
         """A disassembly attempt."""
-        return simulate(self.paths(attempt), attempt.state.way[-1], attempt.push, config=self.config.physics.simulate)
+        state = attempt.state
+        paths = self.paths(state, attempt.part)
+        simulated = simulate(paths, state.way[-1], attempt.push, config=self.config.physics.simulate)
+        touched = sum(1 << other for other in paths.touched)
+        return _Outcome(simulated=simulated, remaining=state.remaining, touched=touched, traced=paths.traced)
 
-    def paths(self, attempt: _Attempt) -> Paths:
-        others = bits(attempt.state.remaining & ~(1 << attempt.part))
-        return Paths(self.blocking, attempt.part, others, tolerance=self.config.physics.tolerance)
+    def paths(self, state: _State, part: int) -> Paths:
+        others = bits(state.remaining & ~(1 << part))
+        return Paths(self.blocking, part, others, tolerance=self.config.physics.tolerance)
 
-    def take_in(self, attempt: _Attempt, outcome: Simulated, best: _State) -> _State | None:
+    def take_in(self, attempt: _Attempt, outcome: Simulated) -> _State | None:
         """Enqueue the state that an attempt led to if it is novel and executable; return it if a part left."""
         part, state = attempt.part, attempt.state
         self._met.setdefault(part, set()).update(outcome.met)
         if outcome.exit_direction is None:
             self._rest(attempt, outcome)
             return None
-        base = state
-        if self.config.monotone:
-            if not best.remaining >> part & 1:
-                return None
-            base = best  # what left since the attempt was made is no obstacle
         removal = outcome.removal(state.way)
-        remaining = base.remaining & ~(1 << part)
+        remaining = state.remaining & ~(1 << part)
         if not remaining or remaining in self._sets or not self.is_executable(part, remaining, removal):
             return None
         self._sets.add(remaining)
-        reached = _State(remaining=remaining, removals=(*base.removals, (part, removal)))
+        reached = _State(remaining=remaining, removals=(*state.removals, (part, removal)))
         if self.config.monotone:
             self.queue.clear()
+            self.forget_ahead()
         self.enqueue(reached)
         return reached
 
@@ -183,7 +246,7 @@ class _Search:
         """Enqueue a rest pose of a part under way, if it is new."""
         part, state = attempt.part, attempt.state
         known = self._poses.setdefault((state.remaining, part), [np.eye(4)])
-        rest, paths = outcome.displacements[-1], self.paths(attempt)
+        rest, paths = outcome.displacements[-1], self.paths(state, part)
         if any(paths.distance(rest, pose) <= self.config.physics.novelty * paths.size for pose in known):
             return
         known.append(rest)
@@ -191,14 +254,15 @@ class _Search:
         self.enqueue(_State(remaining=state.remaining, removals=state.removals, part=part, way=way))
 
     def enqueue(self, state: _State) -> None:
-        """Put all pushes of a state in the queue, as far as the budget for each part goes."""
-        parts = bits(state.remaining) if state.part is None else [state.part]
-        for part in parts:
+        """Put all pushes of a state in the queue, as far as the budget for each part goes, in rounds over the parts."""
+        waiting: list[list[_Attempt]] = []
+        for part in bits(state.remaining) if state.part is None else [state.part]:
             if part in self.refused:
                 continue
             key = (state.remaining, part)
-            waiting = _Attempt(state=state, part=part, push=np.zeros(6))
-            pushes = pushes_at(self.paths(waiting), state.way[-1], config=self.config.physics)
-            room = self.config.physics.max_pushes - self._spent.get(key, 0)
-            self._spent[key] = self._spent.get(key, 0) + min(room, len(pushes))
-            self.queue.extend(_Attempt(state=state, part=part, push=push) for push in pushes[:room])
+            room = self.config.physics.max_pushes - self._pushed.get(key, 0)
+            pushes = pushes_at(self.paths(state, part), state.way[-1], config=self.config.physics)[:room]
+            self._pushed[key] = self._pushed.get(key, 0) + len(pushes)
+            waiting.append([_Attempt(state=state, part=part, push=push) for push in pushes])
+        for together in zip_longest(*waiting):
+            self.queue.extend(attempt for attempt in together if attempt is not None)

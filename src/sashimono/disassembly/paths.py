@@ -10,19 +10,21 @@ from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking
 from sashimono.geometry import se3
-from sashimono.geometry.screw import adjoint, between, march_screw
+from sashimono.geometry.screw import Screw, adjoint, between, march_screw
 
 _STRIDES = (16, 1)
 """Some probes are followed first, as most legs that are blocked are blocked for these; all have the last word."""
 _REFINE = 1.0 / 16.0
 """Where a leg stops is found to this share of the least step."""
+_ARC = np.pi / 12.0
+"""A turn is bounded arc by arc of at most this angle [rad]."""
 
 
 class Paths:
     """Paths of one part past some others, as displacements from the assembled pose in the world frame.
 
-    Every answer is a pure function of its arguments. The probes of both parts are followed with the least step of
-    the blocking relation.
+    Every answer is a pure function of its arguments; what they took is counted in ``touched`` and ``traced``. The
+    probes of both parts are followed with the least step of the blocking relation.
     """
 
     def __init__(self, blocking: Blocking, part: int, others: Sequence[int], *, tolerance: float) -> None:
@@ -39,6 +41,10 @@ class Paths:
         boxes = [blocking.assembly.parts[k].bounds_world for k in self.others]
         self._low = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self._high = np.array([box[1] for box in boxes]).reshape(-1, 3)
+        self.touched: set[int] = set()
+        """Parts that stopped it in any answer so far: without the others all answers but `out` are bitwise the same."""
+        self.traced = 0
+        """Points whose way past another part was followed so far: what all answers cost."""
 
     def advance(self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]) -> tuple[float, int | None]:
         """Return how far the part gets from D along ``exp(u twist) @ D``, and the part that stops it.
@@ -46,12 +52,13 @@ class Paths:
         The twist is spatial, in the world frame. u is 1 and the part None if nothing stops it.
         """
         scale, stopper = 1.0, None
-        near = self.near(D, self.rate(D, twist))
+        near = self.near(D, twist=twist)
         for stride in _STRIDES:
             for other in near:
                 u = self._past(D, scale * twist, other, stride, self.blocking.config.least_step)
                 if np.isfinite(u):
                     scale, stopper = scale * u, other
+                    self.touched.add(other)
                 if scale == 0.0:
                     return 0.0, stopper
         return scale, stopper
@@ -67,10 +74,10 @@ class Paths:
         start = max(0.0, u - config.least_step * size / rate)
         D_start = se3.exp(start * twist) @ D
         fine = config.least_step * _REFINE
-        first = min(
-            (self._past(D_start, (u - start) * twist, other, 1, fine) for other in self.near(D, rate)), default=1.0
-        )
-        stop = start + (u - start) * min(first, 1.0)
+        rest = (u - start) * twist
+        past = {other: self._past(D_start, rest, other, 1, fine) for other in self.near(D_start, twist=rest)}
+        self.touched.update(other for other, first in past.items() if np.isfinite(first))
+        stop = start + (u - start) * min(1.0, *past.values())
         allowed = self.tolerance * size + float(self.blocking.allowances[self.part, stopper])
         return max(0.0, stop - (fine * size + allowed) / rate), stopper
 
@@ -78,19 +85,24 @@ class Paths:
         """Return whether the part can follow the geodesics through all displacements."""
         return all(self.advance(a, between(a, b))[1] is None for a, b in pairwise(displacements))
 
-    def way_out(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> float:
-        """Return how far the part must go from D along a unit direction to be past the others' boxes [m]."""
-        back = self.body.lowest(D @ self.T_assembled, direction)
-        fronts = [float(self.blocking.world_bounds_along(k, direction)[1]) for k in self.others]
-        return max(max(fronts, default=back) - back, 0.0) + 0.05 * self.size
+    def out(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
+        """Return where the part is past the others' boxes when it goes straight from D along a unit direction."""
+        return se3.make(None, self._way_past(self.others, D, direction) * direction) @ D
+
+    def straight(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6"]:
+        """Return the translation from D along a unit direction past the whole assembly, whatever of it remains."""
+        return np.concatenate([self._way_past(range(len(self.blocking)), D, direction) * direction, np.zeros(3)])
 
     def exit(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"] | None:
         """Return where the part is past the others after a straight exit from D; None if something stops it."""
-        length = self.way_out(D, direction)
-        twist = np.concatenate([length * direction, np.zeros(3)])
-        if self.advance(D, twist)[1] is not None:
+        if self.advance(D, self.straight(D, direction))[1] is not None:
             return None
-        return se3.make(None, length * direction) @ D
+        return self.out(D, direction)
+
+    def _way_past(self, parts: Sequence[int], D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> float:
+        back = self.body.lowest(D @ self.T_assembled, direction)
+        fronts = [float(self.blocking.world_bounds_along(k, direction)[1]) for k in parts]
+        return max(max(fronts, default=back) - back, 0.0) + 0.05 * self.size
 
     def distance(self, D_a: Float[np.ndarray, "4 4"], D_b: Float[np.ndarray, "4 4"]) -> float:
         """Return how far apart two displacements are [m], rotation weighed by the part's radius."""
@@ -102,12 +114,30 @@ class Paths:
         v, w = twist[:3], twist[3:]
         return float(np.linalg.norm(v + np.cross(w, center)) + np.linalg.norm(w) * self.body.radius)
 
-    def near(self, D: Float[np.ndarray, "4 4"], way: float = 0.0) -> list[int]:
-        """Return the others whose boxes the part may come to within this way from D [m]."""
-        center = se3.apply(D, self.center[None])[0]
-        gap = np.linalg.norm(np.maximum(0.0, np.maximum(self._low - center, center - self._high)), axis=1)
-        reach = 1.1 * self.body.radius + way
-        return [other for other, distance in zip(self.others, gap, strict=True) if distance <= reach]
+    def near(
+        self, D: Float[np.ndarray, "4 4"], *, twist: Float[np.ndarray, "6"] | None = None, margin: float = 0.0
+    ) -> list[int]:
+        """Return the others whose boxes the part's box comes within the margin of [m], at D or along the twist."""
+        low, high = self._swept_box(D, twist)
+        meets = np.all((self._low <= high + margin) & (self._high >= low - margin), axis=1)
+        return [self.others[k] for k in np.flatnonzero(meets)]
+
+    def _swept_box(
+        self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"] | None
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Bounds of the part on its way: of its hull at some poses, by as much wider as an arc leaves its chord."""
+        corners = se3.apply(D @ self.T_assembled, self.body.hull_points)
+        if twist is None:
+            return corners.min(axis=0), corners.max(axis=0)
+        screw = Screw.of(twist)
+        count = max(1, int(np.ceil(screw.angle / _ARC)))
+        sagitta = 0.0
+        if screw.angle > 0.0:
+            farthest = float(np.linalg.norm(np.cross(corners - screw.point, screw.axis), axis=1).max())
+            sagitta = farthest * (1.0 - np.cos(0.5 * screw.angle / count))
+        steps = [se3.exp(k / count * twist) for k in range(count + 1)]
+        swept = np.concatenate([se3.apply(step, corners) for step in steps])
+        return swept.min(axis=0) - sagitta, swept.max(axis=0) + sagitta
 
     def _past(
         self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"], other: int, stride: int, least: float
@@ -125,11 +155,13 @@ class Paths:
         T_a_b = se3.inverse(T_b_a)
         along_b = adjoint(T_b_world, twist)
         probes = se3.apply(T_b_a, self.body.probes[::stride])
+        self.traced += len(probes)
         first = march_screw(b.signed_distance, probes, along_b, **options)
         if first == 0.0:
             return 0.0
         scale = first if np.isfinite(first) else 1.0
         # seen from the part, the other moves the opposite way
         probes = se3.apply(T_a_b, b.probes[::stride])
+        self.traced += len(probes)
         second = march_screw(self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options)
         return scale * second if np.isfinite(second) else first

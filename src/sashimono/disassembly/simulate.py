@@ -96,7 +96,8 @@ def simulate(
         else:
             stretches += 1
         if stopper is None and not twist[3:].any():
-            return _finished([*poses, se3.exp(twist) @ poses[-1]], _unit(twist[:3]), met, stretches)
+            direction = _unit(twist[:3])
+            return _finished([*poses, paths.out(poses[-1], direction)], direction, met, stretches)
         if stopper is not None:
             met.add(stopper)
         short = short + 1 if u * paths.rate(poses[-1], twist) < config.least_advance * paths.size else 0
@@ -209,8 +210,7 @@ def _stretch(
     twist = spatial_twist(answer, se3.apply(D, paths.center[None])[0], paths.body.radius)
     turn = float(np.linalg.norm(twist[3:]))
     if turn < 0.02 * float(np.linalg.norm(answer[:3])):
-        direction = _unit(answer[:3])
-        return np.concatenate([paths.way_out(D, direction) * direction, np.zeros(3)])
+        return paths.straight(D, _unit(answer[:3]))
     return twist * (config.first_turn / turn)
 
 

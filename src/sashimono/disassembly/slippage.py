@@ -47,7 +47,8 @@ def find_contacts(paths: Paths, D: Float[np.ndarray, "4 4"], *, gap: float, faci
     center = se3.apply(D, paths.center[None])[0]
     T_a = D @ paths.T_assembled
     normals, arms, gaps = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0)]
-    for other in paths.near(D):
+    overlaps = table.allowances[paths.part, list(paths.others)]
+    for other in paths.near(D, margin=gap * paths.size + float(overlaps.max(initial=0.0))):
         b, T_b = table.bodies[other], table.poses[other]
         allowed = float(table.allowances[paths.part, other])
         near = gap * min(paths.size, float(table.sizes[other])) + allowed
@@ -60,6 +61,8 @@ def find_contacts(paths: Paths, D: Float[np.ndarray, "4 4"], *, gap: float, faci
             distances, gradients = second.signed_distance.normals(points[inside], near)
             opposed = -(gradients * (first.sample_normals[inside] @ T[:3, :3].T)).sum(axis=1)
             touching = opposed > facing
+            if touching.any():
+                paths.touched.add(other)
             normals.append(sign * gradients[touching] @ T_second[:3, :3].T)
             arms.append(se3.apply(T_first, first.samples[inside][touching]) - center)
             gaps.append(distances[touching] + allowed)

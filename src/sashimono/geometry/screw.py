@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numba import njit
 
 from sashimono.geometry import se3
-from sashimono.geometry.signed_distance import SignedDistance, signed_distance
+from sashimono.geometry.signed_distance import SignedDistance, closest_on_triangle, nearest
 
 _NO_TURN = 1e-9
 
@@ -65,7 +65,8 @@ def march_screw(
     """Return the u in [0, 1] at which a point moved by ``exp(u twist)`` is first deeper than ``limit``; inf if none is.
 
     Sphere tracing along each point's helix, everything in the mesh frame: a point that is d outside cannot be
-    deeper than the limit before it has gone d + limit, so only dips shorter than ``least_step`` [m] are jumped.
+    deeper than the limit before it has gone d + limit, so only dips shorter than ``least_step`` [m] are jumped. While
+    the triangle that was closest stays within the limit, the point is no deeper, and no other is looked at.
     """
     screw = Screw.of(twist)
     points = np.ascontiguousarray(points, dtype=np.float64)
@@ -88,6 +89,7 @@ def _march_screw(points, frame, angle, limit, least_step, boxes, links, triangle
         if speed == 0.0:
             continue
         u = 0.0
+        closest = -1
         while u <= min(1.0, travel):
             s = np.sin(u * angle)
             c = 2.0 * np.sin(0.5 * u * angle) ** 2
@@ -101,9 +103,17 @@ def _march_screw(points, frame, angle, limit, least_step, boxes, links, triangle
             if outside > least_step:
                 u += (outside + limit) / speed
                 continue
-            depth = -signed_distance(px, py, pz, boxes, links, triangles, normals)
-            if depth > limit:
+            bound = np.inf
+            if closest >= 0:
+                qx, qy, qz, _ = closest_on_triangle(px, py, pz, triangles[closest])
+                bound = np.sqrt((px - qx) ** 2 + (py - qy) ** 2 + (pz - qz) ** 2)
+                if bound <= limit:
+                    u += max(limit - bound, least_step) / speed
+                    continue
+                bound += 1e-6 * bound  # so that it is found again, with its sign, if none is closer
+            distance, closest, _ = nearest(px, py, pz, bound, boxes, links, triangles, normals)
+            if -distance > limit:
                 travel = min(travel, u)
                 break
-            u += max(limit - depth, least_step) / speed
+            u += max(limit + distance, least_step) / speed
     return travel

@@ -25,5 +25,7 @@ class ViewConfig:
     """Faces stored at most, identical shapes counted once; above it vertices are clustered, for display only."""
     explode_gap: float = 0.09
     """Gap between neighbours in the exploded view, relative to the assembly's bounding-box diagonal."""
+    bench_gap: float = 0.06
+    """Gap around the place where a subassembly is put together, relative to that diagonal."""
     max_deviation: float = 1e-4
     """GLB: largest distance between its linear keyframes and the plan's screw motions, relative to that diagonal."""

@@ -16,7 +16,8 @@ from sashimono.view.appearance import BASE_COLOR
 from sashimono.view.config import ViewConfig
 from sashimono.view.files import write_whole
 from sashimono.view.html import render_page
-from sashimono.view.scene import UP, Packer, Scene, pack_mesh, pose_rows
+from sashimono.view.playback import UP
+from sashimono.view.scene import Packer, Scene, pack_mesh, pose_rows
 from sashimono.view.shapes import make_shapes
 
 SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.js", "explain.js")

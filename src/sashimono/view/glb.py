@@ -17,9 +17,9 @@ from sashimono.view.config import ViewConfig
 from sashimono.view.display_mesh import DisplayMesh
 from sashimono.view.files import write_whole
 from sashimono.view.keyframes import Keyframes, make_keyframes, quaternion_xyzw, rotation_between
-from sashimono.view.scene import UP
+from sashimono.view.playback import UP, played_steps
 from sashimono.view.shapes import make_shapes
-from sashimono.view.timeline import make_timeline, scene_diagonal
+from sashimono.view.timeline import make_timeline, scene_diagonal, tracks
 
 _FLOAT, _UINT = 5126, 5125
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
@@ -109,7 +109,8 @@ def render_glb(plan: AssemblyPlan, assembly: Assembly, *, config: ViewConfig | N
     """Return the GLB file as bytes; see `write_glb`."""
     config = config or ViewConfig()
     shapes = make_shapes(assembly.parts, config)
-    timeline = make_timeline(plan, assembly, config)
+    played = played_steps(plan, assembly, config)
+    timeline = make_timeline(plan, played, assembly, config)
     max_deviation = config.max_deviation * scene_diagonal(plan, assembly)
     colors = part_colors(plan, assembly)
     solved = set(plan.placed)
@@ -140,10 +141,9 @@ def render_glb(plan: AssemblyPlan, assembly: Assembly, *, config: ViewConfig | N
     root["children"] = list(node_of.values())
 
     animation: dict[str, Any] = {"name": "assembly", "channels": [], "samplers": []}
-    for step, timing in zip(plan.steps, timeline.steps, strict=True):
-        for name in step.members if len(step.motion.T_world_part) > 1 else ():
-            poses = step.member_poses(name, plan.parts)
-            frames = make_keyframes(poses, timing.pose_times, timeline.duration, max_deviation)
+    for name, (poses, times) in tracks(played, timeline, plan).items():
+        if len(poses) > 1:
+            frames = make_keyframes(poses, times, timeline.duration, max_deviation)
             _add_animation(document, animation, node_of[name], frames)
     content: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": f"sashimono {plan.version}".strip()},
@@ -163,8 +163,8 @@ def write_glb(plan: AssemblyPlan, assembly: Assembly, path: str | Path, *, confi
 
     Y is up, as glTF asks: a root node turns the table's normal there. Below it there is one node a part, named
     like it, at its assembled pose; its animation has the same times as the HTML viewer. Screw motions are
-    resampled so that linear interpolation stays within `ViewConfig.max_deviation`. A subassembly's parts move
-    alike, and stand put together before.
+    resampled so that linear interpolation stays within `ViewConfig.max_deviation`. A subassembly is put together
+    beside the others first, and then its parts move alike.
 
     Raises OSError if ``path`` cannot be written; an earlier file is then still whole.
     """

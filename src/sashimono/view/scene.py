@@ -12,16 +12,14 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly
-from sashimono.plan import AssemblyPlan, Contact, Step
+from sashimono.plan import AssemblyPlan, Contact
 from sashimono.view.appearance import part_colors, srgb_hex
 from sashimono.view.config import ViewConfig
 from sashimono.view.display_mesh import DisplayMesh
 from sashimono.view.explode import explosion_offsets
+from sashimono.view.playback import UP, PlayedStep, played_steps
 from sashimono.view.shapes import ShapeUse, make_shapes
 from sashimono.view.timeline import StepTiming, make_timeline
-
-UP = (0.0, 0.0, 1.0)
-"""Which way is up when a plan has no table."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,27 +101,20 @@ def _contact(contact: Contact) -> dict[str, Any]:
     }
 
 
-def _inside(step: Step, assembly: Assembly) -> list[dict[str, Any]]:
-    """What a subassembly was put together from, in order; empty for a single part."""
-    if step.subassembly is None:
-        return []
-    return [
-        {"part": assembly.index(inner.part), "inside": _inside(inner, assembly)} for inner in step.subassembly.steps
-    ]
-
-
-def _step(step: Step, timing: StepTiming, assembly: Assembly) -> dict[str, Any]:
+def _step(played: PlayedStep, timing: StepTiming, assembly: Assembly) -> dict[str, Any]:
+    step = played.step
     evidence = step.motion.evidence
     return {
         "part": assembly.index(step.part),
         "moving": [assembly.index(name) for name in step.members],
-        "inside": _inside(step, assembly),
+        "label": played.label,
+        "depth": played.depth,
         "fixed": len(step.fixed),
         "start": timing.start,
         "stop": timing.stop,
         "times": timing.pose_times.tolist(),
-        "poses": [pose_rows(T) for T in step.motion.T_world_part],
-        "segments": [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in step.motion.segments],
+        "poses": [pose_rows(T) for T in played.poses],
+        "segments": [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in played.segments],
         "contact": None if step.contact is None else _contact(step.contact),
         "contactReason": step.contact_reason,
         "penetration": _finite(evidence.get("max_penetration")),
@@ -174,7 +165,8 @@ def _unsolved(plan: AssemblyPlan, assembly: Assembly) -> list[dict[str, Any]]:
 def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Scene:
     """Return the plan and its geometry, ready to be put into the page."""
     shapes = make_shapes(assembly.parts, config)
-    timeline = make_timeline(plan, assembly, config)
+    played = played_steps(plan, assembly, config)
+    timeline = make_timeline(plan, played, assembly, config)
     packer = Packer()
     notes = [*assembly.notes, *(note for note in plan.notes if note not in assembly.notes)]
     if shapes.decimated:
@@ -188,7 +180,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Sc
         "duration": timeline.duration,
         "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
         "parts": _parts(plan, assembly, shapes.uses, config),
-        "steps": [_step(step, timing, assembly) for step, timing in zip(plan.steps, timeline.steps, strict=True)],
+        "steps": [_step(step, timing, assembly) for step, timing in zip(played, timeline.steps, strict=True)],
         "unsolved": _unsolved(plan, assembly),
         "notes": notes,
     }

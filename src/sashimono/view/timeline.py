@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,8 +11,9 @@ from jaxtyping import Float
 
 from sashimono.assembly import Assembly, Part, frozen_array
 from sashimono.geometry import se3
-from sashimono.plan import AssemblyPlan, Motion
+from sashimono.plan import AssemblyPlan
 from sashimono.view.config import ViewConfig
+from sashimono.view.playback import PlayedStep
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +31,7 @@ class StepTiming:
 
 @dataclass(frozen=True, kw_only=True)
 class Timeline:
-    """Times of all steps, one after the other."""
+    """Times of all played steps, one after the other."""
 
     steps: tuple[StepTiming, ...]
     duration: float
@@ -54,22 +56,21 @@ def scene_diagonal(plan: AssemblyPlan, assembly: Assembly) -> float:
     return max(float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))), 1e-9)
 
 
-def path_lengths(motion: Motion, part: Part) -> Float[np.ndarray, "interval"]:
+def path_lengths(poses: Float[np.ndarray, "pose 4 4"], part: Part) -> Float[np.ndarray, "interval"]:
     """Return the length of each interval between poses [m].
 
     A length is the travel of the part's centre plus its turn [rad] times the part's radius.
     """
     lower, upper = part.vertices_part.min(axis=0), part.vertices_part.max(axis=0)
     radius = 0.5 * float(np.linalg.norm(upper - lower))
-    poses = motion.T_world_part
     centres = poses[:, :3, :3] @ (0.5 * (lower + upper)) + poses[:, :3, 3]
     turns = [float(np.linalg.norm(se3.log_so3(a[:3, :3].T @ b[:3, :3]))) for a, b in pairwise(poses)]
     return np.linalg.norm(np.diff(centres, axis=0), axis=1) + radius * np.array(turns).reshape(-1)
 
 
-def _move_seconds(motion: Motion, part: Part, speed: float, config: ViewConfig) -> Float[np.ndarray, "interval"]:
-    seconds = path_lengths(motion, part) / speed
-    for segment in motion.segments:
+def _move_seconds(played: PlayedStep, part: Part, speed: float, config: ViewConfig) -> Float[np.ndarray, "interval"]:
+    seconds = path_lengths(played.poses, part) / speed
+    for segment in played.segments:
         if segment.kind == "insertion":
             seconds[segment.start : segment.stop] *= config.insertion_slowdown
     total = float(seconds.sum())
@@ -80,19 +81,36 @@ def _move_seconds(motion: Motion, part: Part, speed: float, config: ViewConfig) 
     return seconds * max(1.0, config.min_move_seconds / float(seconds.sum()))
 
 
-def make_timeline(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Timeline:
+def make_timeline(plan: AssemblyPlan, played: Sequence[PlayedStep], assembly: Assembly, config: ViewConfig) -> Timeline:
     """Return the times of every step: proportional to path length, insertions slower, a hold before and after."""
     speed = scene_diagonal(plan, assembly) / config.traverse_seconds
     clock = 0.0
     steps = []
-    for step in plan.steps:
+    for entry in played:
         start = clock
-        if len(step.motion.T_world_part) == 1:
+        if len(entry.poses) == 1:
             clock += config.base_seconds
             pose_times = np.array([start])
         else:
-            seconds = _move_seconds(step.motion, assembly.part(step.part), speed, config)
+            seconds = _move_seconds(entry, assembly.part(entry.step.part), speed, config)
             pose_times = start + config.hold_seconds + np.concatenate([[0.0], np.cumsum(seconds)])
             clock = float(pose_times[-1]) + config.hold_seconds
         steps.append(StepTiming(start=start, stop=clock, pose_times=pose_times))
     return Timeline(steps=tuple(steps), duration=max(clock, config.base_seconds))
+
+
+def tracks(
+    played: Sequence[PlayedStep], timeline: Timeline, plan: AssemblyPlan
+) -> dict[str, tuple[Float[np.ndarray, "pose 4 4"], Float[np.ndarray, "pose"]]]:
+    """Return, for each part that a step brings, all poses in which it is shown and when.
+
+    A member of a subassembly goes on where its own step has left it.
+    """
+    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+    for entry, timing in zip(played, timeline.steps, strict=True):
+        for name in entry.step.members:
+            found.setdefault(name, []).append((entry.member_poses(name, plan.parts), timing.pose_times))
+    return {
+        name: (np.concatenate([poses for poses, _ in pieces]), np.concatenate([times for _, times in pieces]))
+        for name, pieces in found.items()
+    }

@@ -35,7 +35,7 @@ class Bodies {
 
   /** Displacement of a part in the exploded view, `amount` in [0, 1]; a part takes part in it once it is placed. */
   explosion(index, t, amount) {
-    const k = this.timeline.stepOfPart[index];
+    const k = this.timeline.lastStepOf(index);
     const share = k < 0 ? 1 : this.timeline.progress(k, t);
     return this.plan.parts[index].explode.map((x) => x * amount * share);
   }

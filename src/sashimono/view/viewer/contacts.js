@@ -35,7 +35,7 @@ class Contacts {
 
   update(t, k, visible, explode) {
     const step = this.plan.steps[k];
-    this.group.visible = Boolean(visible && step && step.contact && t < step.stop);
+    this.group.visible = Boolean(visible && step && step.contact && t < step.stop && t >= this.bodies.timeline.plannedFrom(k));
     if (!this.group.visible) return;
     if (this.shown !== k) this.#build(step);
     this.shown = k;

@@ -27,12 +27,14 @@ class Player {
   }
 
   #trayPoints() {
-    return this.plan.steps.flatMap((step, k) => (step.poses.length > 1 ? this.bodies.cornersOfStep(k, step.poses[0]) : []));
+    const places = (k, step) => (step.poses.length > 1 || step.depth > 0 ? [step.poses[0], this.timeline.restingPose(k)] : []);
+    return this.plan.steps.flatMap((step, k) => places(k, step).flatMap((pose) => this.bodies.cornersOfStep(k, pose)));
   }
 
   #insertionPoints() {
-    return this.plan.steps.flatMap((step, k) => step.segments.filter((segment) => segment.kind === "insertion")
-      .flatMap((segment) => this.bodies.cornersOfStep(k, step.poses[segment.start])));
+    const seen = { insertion: (step, segment) => [step.poses[segment.start]], carry: (step, segment) => step.poses.slice(0, segment.stop) };
+    return this.plan.steps.flatMap((step, k) => step.segments.flatMap((segment) => seen[segment.kind]?.(step, segment) ?? [])
+      .flatMap((pose) => this.bodies.cornersOfStep(k, pose)));
   }
 
   #listen(host) {
@@ -200,7 +202,7 @@ function start() {
     get playing() { return player.playing; },
     duration: player.plan.duration,
     names: player.plan.parts.map((part) => part.name),
-    steps: player.plan.steps.map((step) => ({ part: player.plan.parts[step.part].name, start: step.start, stop: step.stop })),
+    steps: player.plan.steps.map((step) => ({ label: step.label, part: player.plan.parts[step.part].name, start: step.start, stop: step.stop })),
     /** Show time t, drawn at once. */
     setTime(t) { player.pause(); player.setTime(t); player.draw(); },
     /** Set any of explode, contacts, table, xray, cadColors; drawn at once. */

@@ -46,17 +46,14 @@ function deepest(steps) {
 
 function describeStep(step) {
   const facts = [];
-  if (step.segments.length) facts.push(step.segments.map((s) => s.kind).join(" → "));
+  if (step.segments.length) facts.push(step.segments.map((s) => s.kind).filter((kind) => kind !== "carry").join(" → "));
   if (step.contact) facts.push(`${step.contact.kind}${step.contact.kind === "grasp" && step.contact.quality !== null ? `, quality ${+step.contact.quality.toPrecision(3)}` : ""}`);
   else if (step.contactReason) facts.push(`no contact: ${step.contactReason}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");
 }
 
-/** How a subassembly was put together, in words: "base, then a, then b (x, then y)". */
-function describeInside(inside, parts) {
-  return inside.map(({ part, inside: deeper }) => parts[part].name + (deeper.length ? ` (${describeInside(deeper, parts)})` : "")).join(", then ");
-}
+const PHASES = { hold: "", carry: " · carried over, a way that is not planned", transit: " · transit", insertion: " · insertion" };
 
 class Panel {
   constructor(plan, player) {
@@ -76,7 +73,7 @@ class Panel {
     const complete = plan.status === "complete" && !plan.unsolved.length;
     const badge = complete ? "Complete & verified" : `Partial: ${plan.unsolved.length} of ${plan.parts.length} parts unsolved`;
     const figures = [
-      ["Parts", String(plan.parts.length)], ["Steps", String(plan.steps.length)],
+      ["Parts", String(plan.parts.length)], ["Steps", this.#count(plan.steps)],
       ["Held by a contact", `${held} of ${moves.length}`], ["Deepest overlap", deepest(moves)],
     ];
     const list = element("dl", {}, ...figures.flatMap(([name, value]) => [
@@ -97,6 +94,12 @@ class Panel {
     document.getElementById("side").replaceChildren(header, lists);
   }
 
+  /** "5", or "5, and 3 inside subassemblies". */
+  #count(steps) {
+    const inside = steps.filter((step) => step.depth > 0).length;
+    return String(steps.length - inside) + (inside ? ` + ${inside} inside` : "");
+  }
+
   #swatch(part) {
     const swatch = element("span", { className: "swatch" });
     swatch.style.background = this.plan.parts[part].color;
@@ -106,11 +109,10 @@ class Panel {
   #stepRow(step, k) {
     const { name } = this.plan.parts[step.part];
     const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
-    const row = element("button", { type: "button", className: "row", title: name, onclick: () => this.player.showStep(k) },
-      element("span", { className: "number", textContent: String(k + 1) }), this.#swatch(step.part),
+    const row = element("button", { type: "button", className: step.depth ? "row inside" : "row", title: name, onclick: () => this.player.showStep(k) },
+      element("span", { className: "number", textContent: step.label }), this.#swatch(step.part),
       element("span", { className: "name", textContent: name }), element("span", { className: "tag", textContent: tag }),
       element("span", { className: "more", textContent: this.#members(step) }),
-      element("span", { className: "more when-current", textContent: step.inside.length ? `put together before: ${describeInside(step.inside, this.plan.parts)}` : "" }),
       element("span", { className: "more when-current", textContent: describeStep(step) }));
     this.#hovers(row, step.part);
     return row;
@@ -202,11 +204,11 @@ class Panel {
       setIcon(this.playButton, playing ? ICONS.pause : ICONS.play);
       this.playing = playing;
     }
-    const label = phase === "hold" ? "" : ` · ${phase}`;
-    const what = step && step.poses.length < 2 ? " · base part, stays in place" : label;
+    const what = step && step.poses.length < 2 ? " · base part, stays in place" : PHASES[phase];
+    const where = step && step.depth ? " · inside a subassembly" : "";
     this.caption.replaceChildren(
       element("b", { textContent: step ? this.#title(step) : "No step was found" }),
-      element("span", { textContent: step ? `Step ${k + 1} of ${plan.steps.length}${over ? " · done" : what}` : "All parts are shown in place" }));
+      element("span", { textContent: step ? `Step ${step.label} of ${plan.steps.at(-1).label}${where}${over ? " · done" : what}` : "All parts are shown in place" }));
     if (this.current === k) return;
     this.current = k;
     this.rows.forEach((row, i) => {

@@ -89,7 +89,7 @@ class Stage {
     const rim = new THREE.LineBasicMaterial({ color: "#7d90a5", transparent: true, opacity: 0.55 });
     for (const [k, step] of plan.steps.entries()) {
       if (step.poses.length < 2) continue;
-      const box = new THREE.Box3().setFromPoints(bodies.cornersOfStep(k, step.poses[0]).map((p) => this.toScene(p)));
+      const box = new THREE.Box3().setFromPoints(bodies.cornersOfStep(k, bodies.timeline.restingPose(k)).map((p) => this.toScene(p)));
       if (box.min.y > level + 0.05) continue;
       const [x0, x1, z0, z1] = [box.min.x - 0.008, box.max.x + 0.008, box.min.z - 0.008, box.max.z + 0.008];
       const pocket = new THREE.Mesh(new THREE.PlaneGeometry(x1 - x0, z1 - z0), fill);

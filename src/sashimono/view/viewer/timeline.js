@@ -5,9 +5,9 @@ class Timeline {
     this.steps = plan.steps;
     this.duration = plan.duration;
     this.assembled = plan.parts.map((part) => part.assembled);
-    this.stepOfPart = plan.parts.map(() => -1);
+    this.stepsOfPart = plan.parts.map(() => []);
     this.solved = plan.parts.map((part) => part.solved);
-    plan.steps.forEach((step, k) => step.moving.forEach((part) => (this.stepOfPart[part] = k)));
+    plan.steps.forEach((step, k) => step.moving.forEach((part) => this.stepsOfPart[part].push(k)));
     this.twists = plan.steps.map((step) => new Array(step.poses.length - 1));
   }
 
@@ -16,6 +16,32 @@ class Timeline {
     let k = this.steps.length - 1;
     while (k > 0 && t < this.steps[k].start) k--;
     return k;
+  }
+
+  /** The step that a part is in at time t, or was last, or comes first; -1 if it has none. Members of a subassembly have several. */
+  stepOf(part, t) {
+    const steps = this.stepsOfPart[part];
+    return steps.findLast((k) => this.steps[k].start <= t) ?? steps[0] ?? -1;
+  }
+
+  /** The step that brings a part to where it belongs, -1 if it has none. */
+  lastStepOf(part) {
+    return this.stepsOfPart[part].at(-1) ?? -1;
+  }
+
+  /** Where the step's part waits: at first, or for a subassembly where it is carried to. */
+  restingPose(k) {
+    return this.steps[k].poses[this.#carried(k)];
+  }
+
+  /** When the step's planned motion begins: at its start, or once it is carried to where it waits. */
+  plannedFrom(k) {
+    const carried = this.#carried(k);
+    return carried > 0 ? this.steps[k].times[carried] : this.steps[k].start;
+  }
+
+  #carried(k) {
+    return this.steps[k].segments.find((segment) => segment.kind === "carry")?.stop ?? 0;
   }
 
   /** Share of the step's motion that is done at time t, in [0, 1]. */
@@ -42,7 +68,7 @@ class Timeline {
     return [low, (t - times[low]) / (times[high] - times[low])];
   }
 
-  /** What the step is doing at time t: "hold", "transit" or "insertion". */
+  /** What the step is doing at time t: "hold", "carry", "transit" or "insertion". */
   phase(k, t) {
     const step = this.steps[k];
     if (t < step.times[0] || t >= step.times[step.times.length - 1]) return "hold";
@@ -53,7 +79,7 @@ class Timeline {
 
   /** T_world_part at time t. A part without a step stays where it belongs. */
   pose(part, t) {
-    const k = this.stepOfPart[part];
+    const k = this.stepOf(part, t);
     return k < 0 ? this.assembled[part] : this.carried(k, part, this.#path(k, t));
   }
 
@@ -75,7 +101,7 @@ class Timeline {
 
   /** "waiting", "moving", "placed" or "unsolved"; what is unsolved may move with a subassembly all the same. */
   state(part, t) {
-    const k = this.stepOfPart[part];
+    const k = this.stepOf(part, t);
     if (!this.solved[part]) return "unsolved";
     const step = this.steps[k];
     if (t < step.start) return "waiting";

@@ -1,0 +1,170 @@
+"""The steps in the order in which they are played: how a subassembly was put together, then its own step.
+
+A plan says that a subassembly is put together elsewhere, and not where. It is shown on the table beside everything
+else: each inside gets a bench of its own. From there the subassembly is carried to the tray; that way is made up for
+the eye, has not been planned, and is a segment of the kind ``carry``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation, Slerp
+
+from sashimono.assembly import Assembly, Part
+from sashimono.geometry import se3
+from sashimono.plan import AssemblyPlan, Step, Subassembly, Table
+from sashimono.view.config import ViewConfig
+from sashimono.view.keyframes import rotation_between
+
+UP = (0.0, 0.0, 1.0)
+"""Which way is up when a plan has no table."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayedSegment:
+    """One stretch of what is shown, from pose ``start`` to pose ``stop``."""
+
+    kind: str
+    """``transit``, ``insertion`` or ``carry``."""
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlayedStep:
+    """One step as it is shown."""
+
+    step: Step
+    label: str
+    """Its number; inside subassemblies that of the subassembly's step, a dot, and its own."""
+    poses: Float[np.ndarray, "pose 4 4"]
+    """Where the step's part is shown, world frame of the page."""
+    segments: tuple[PlayedSegment, ...]
+
+    @property
+    def depth(self) -> int:
+        """How many subassemblies it is inside of."""
+        return self.label.count(".")
+
+    def member_poses(self, name: str, parts: Mapping[str, Float[np.ndarray, "4 4"]]) -> Float[np.ndarray, "pose 4 4"]:
+        """Return where one member is shown, given the assembled pose of every part."""
+        if name == self.step.part:
+            return self.poses
+        return self.poses @ se3.inverse(parts[self.step.part]) @ parts[name]
+
+
+def played_steps(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> tuple[PlayedStep, ...]:
+    """Return all steps in the order in which they are played, insides first.
+
+    Without subassemblies these are the plan's steps as they are.
+    """
+    return tuple(_Stage(plan, assembly, config).played(plan.steps, "", np.eye(4)))
+
+
+class _Stage:
+    """The table of the page, and the benches in use on it."""
+
+    def __init__(self, plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> None:
+        self._plan, self._assembly = plan, assembly
+        self._up = np.array(UP) if plan.table is None else plan.table.normal / np.linalg.norm(plan.table.normal)
+        points = [self._corners(part, plan.parts[part.name][None]) for part in assembly.parts]
+        points += [self._swept(step, np.eye(4)) for step in plan.steps]
+        assembled, everything = np.concatenate(points[: len(assembly)]), np.concatenate(points)
+        toward = everything.mean(axis=0) - assembled.mean(axis=0)  # where the tray is
+        toward = toward - toward @ self._up * self._up
+        if np.linalg.norm(toward) < 1e-9:
+            toward = np.cross(self._up, np.eye(3)[np.argmin(np.abs(self._up))])
+        toward = toward / np.linalg.norm(toward)
+        self._frame = np.array([toward, np.cross(self._up, toward), self._up])
+        """Rows: away from the product, along the row of benches, up."""
+        low, high = self._bounds(everything)
+        self._floor = low[2] if plan.table is None else plan.table.offset / float(np.linalg.norm(plan.table.normal))
+        self._gap = config.bench_gap * float(np.linalg.norm(high - low))
+        self._low, self._high = low, high
+        waiting = [
+            self._corners(assembly.part(n), s.member_poses(n, plan.parts)[:1]) for s in plan.steps for n in s.members
+        ]
+        self._top = float(self._bounds(np.concatenate([*waiting, everything[:1]]))[1][2])
+        """Height of what waits on the tray."""
+        self._corner = np.array([high[0] + self._gap, low[1]])
+        """Where the next bench begins."""
+        self._depth = 0.0
+        """Width of the widest bench of this row."""
+
+    def played(self, steps: Sequence[Step], prefix: str, T_page: Float[np.ndarray, "4 4"]) -> Iterator[PlayedStep]:
+        """Yield the steps of one level and all below it; ``T_page`` shows its world frame on the page."""
+        for k, step in enumerate(steps):
+            label = f"{prefix}{k + 1}"
+            poses = T_page @ step.motion.T_world_part
+            segments = [PlayedSegment(kind=s.kind, start=s.start, stop=s.stop) for s in step.motion.segments]
+            if step.subassembly is not None:
+                T_bench = self._bench(step.subassembly)
+                yield from self.played(step.subassembly.steps, f"{label}.", T_bench)
+                way = self._carried(step, T_bench @ self._plan.parts[step.part], poses[0])
+                n = len(way) - 1
+                segments = [
+                    PlayedSegment(kind="carry", start=0, stop=n),
+                    *(PlayedSegment(kind=s.kind, start=s.start + n, stop=s.stop + n) for s in segments),
+                ]
+                poses = np.concatenate([way, poses[1:]])
+            yield PlayedStep(step=step, label=label, poses=poses, segments=tuple(segments))
+
+    def _bench(self, below: Subassembly) -> Float[np.ndarray, "4 4"]:
+        """Where the world frame of an inside is shown: its table turned level, on a free place."""
+        table = below.table or Table(normal=self._up, offset=0.0)
+        turn = Rotation.from_quat(rotation_between(table.normal, self._up)).as_matrix()
+        level = se3.make(turn)
+        low, high = self._bounds(np.concatenate([self._swept(step, level) for step in below.steps]))
+        bottom = low[2] if below.table is None else table.offset / float(np.linalg.norm(table.normal))
+        if self._corner[1] > self._low[1] and self._corner[1] + high[1] - low[1] > self._high[1]:
+            self._corner = np.array([self._corner[0] + self._depth + self._gap, self._low[1]])
+            self._depth = 0.0
+        shift = np.array([*(self._corner - low[:2]), self._floor - bottom])
+        self._corner[1] += high[1] - low[1] + self._gap
+        self._depth = max(self._depth, float(high[0] - low[0]))
+        return se3.make(None, self._frame.T @ shift) @ level
+
+    def _carried(
+        self, step: Step, T_from: Float[np.ndarray, "4 4"], T_to: Float[np.ndarray, "4 4"], pieces: int = 8
+    ) -> Float[np.ndarray, "pose 4 4"]:
+        """Poses of the step's part from the bench to where its step begins: up, across above all that waits, down."""
+        names = step.members
+        inside = se3.inverse(self._plan.parts[step.part])
+        corners = np.concatenate(
+            [self._corners(self._assembly.part(name), (inside @ self._plan.parts[name])[None]) for name in names]
+        )
+        center = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+        radius = float(np.linalg.norm(corners - center, axis=1).max())
+        top = self._top + radius
+        ends = [se3.apply(T, center[None])[0] for T in (T_from, T_to)]
+        raised = [end + max(0.0, top - float(end @ self._up)) * self._up for end in ends]
+        turns = Slerp([0.0, 1.0], Rotation.from_matrix([T_from[:3, :3], T_to[:3, :3]]))
+        share = np.linspace(0.0, 1.0, pieces + 1)
+        across = [
+            se3.make(R, (1.0 - u) * raised[0] + u * raised[1] - R @ center)
+            for u, R in zip(share, turns(share).as_matrix(), strict=True)
+        ]
+        return np.array([T_from, *across, T_to])
+
+    def _swept(self, step: Step, T_page: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "_ 3"]:
+        """Corners of the boxes of all that moves in a step, at every pose but those in mid-transit."""
+        wanted = [0, *(s.start for s in step.motion.segments if s.kind == "insertion"), -1]
+        return np.concatenate(
+            [
+                self._corners(self._assembly.part(name), T_page @ step.member_poses(name, self._plan.parts)[wanted])
+                for name in step.members
+            ]
+        )
+
+    def _corners(self, part: Part, poses: Float[np.ndarray, "pose 4 4"]) -> Float[np.ndarray, "_ 3"]:
+        low, high = part.vertices_part.min(axis=0), part.vertices_part.max(axis=0)
+        corners = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
+        return (corners @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]).reshape(-1, 3)
+
+    def _bounds(self, points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        along = points @ self._frame.T
+        return along.min(axis=0), along.max(axis=0)
