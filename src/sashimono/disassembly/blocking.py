@@ -296,9 +296,9 @@ def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndar
             T_b_a = se3.inverse(assembly.parts[b].T_world_part) @ assembly.parts[a].T_world_part
             depth = mutual_depth(bodies[a], bodies[b], T_b_a)
             if depth > 0.0:
-                # probes can err on a surface that meets itself, and would then excuse what is no overlap
+                # probes miss where a coarse mesh has none, and err on a surface that meets itself
                 exact = intersection_depth(bodies[a], bodies[b], T_b_a)
-                depth = depth if exact is None else min(depth, exact)
+                depth = depth if exact is None else exact
             out[a, b] = out[b, a] = depth
     return out
 
