@@ -17,12 +17,14 @@ def intersection_depth(
     *,
     accuracy: float = 0.004,
     max_points: int = 8000,
+    batch: int = 128,
 ) -> float | None:
     """Return the depth [m] of the deepest point that the two share, 0 if there is none; None if no boolean is had.
 
     Every point of the shared body's surface lies on one of the two surfaces; its distance to the other one is its
     depth, and changes no faster than the point moves. So triangles are quartered only while they may hold a point
-    deeper than the best by ``accuracy`` times the smaller body's smallest extent, up to ``max_points`` looked at.
+    deeper than the best by ``accuracy`` times the smaller body's smallest extent, the most promising ``batch`` at a
+    time, up to ``max_points`` looked at.
     """
     solids = [Manifold(Mesh64(np.array(b.vertices), np.array(b.faces, np.uint64))) for b in (first, second)]
     if any(solid.status() != Error.NoError for solid in solids):
@@ -41,17 +43,21 @@ def intersection_depth(
     triangles = corners[np.array(shared.tri_verts).astype(np.int64)]
     best = float(depths(corners).max())
     slack = accuracy * min(first.smallest_extent, second.smallest_extent)
+    bounds = np.full(len(triangles), np.inf)
     looked = len(corners)
-    while len(triangles) and looked < max_points:
-        centers = triangles.mean(axis=1)
-        at_center = depths(centers)
+    while looked < max_points:
+        # the most promising first, and of all only those that may be deeper
+        order = np.argsort(-np.round(bounds, 12), kind="stable")[: int((bounds > best + slack).sum())]
+        if not len(order):
+            break
+        pieces = _quartered(triangles[order[:batch]])
+        centers = pieces.mean(axis=1)
+        at_centers = depths(centers)
         looked += len(centers)
-        best = max(best, float(at_center.max()))
-        bounds = at_center + np.linalg.norm(triangles - centers[:, None], axis=2).max(axis=1)
-        open_ = np.flatnonzero(bounds > best + slack)
-        # the most promising first, where there are more than may still be looked at
-        open_ = open_[np.argsort(-np.round(bounds[open_], 12), kind="stable")][: max(1, (max_points - looked) // 4)]
-        triangles = _quartered(triangles[open_])
+        best = max(best, float(at_centers.max()))
+        reach = np.linalg.norm(pieces - centers[:, None], axis=2).max(axis=1)
+        triangles = np.concatenate([triangles[order[batch:]], pieces])
+        bounds = np.concatenate([bounds[order[batch:]], at_centers + reach])
     return best
 
 

@@ -19,6 +19,8 @@ _ACCURACY = 0.004
 """To which the depth is found, over the smaller body's smallest extent: a fifth of what a plan may add."""
 _POINTS = 6000
 """Most points looked at for one depth; with that many, the deepest found is what is said."""
+_BATCH = 256
+"""Triangles halved at once, the most promising."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,26 +66,30 @@ def _greatest(
     """Return the greatest depth over some triangles; it changes by no more than the way from a point to the next.
 
     No point is farther from its triangle's nearest corner than the longest edge over √3. So triangles are halved, at
-    that edge, only while they may hold a depth greater by ``accuracy`` than the greatest seen.
+    that edge, only while they may hold a depth greater by ``accuracy`` than the greatest seen,
+    the most promising first.
     """
     depths = depth(points)
     corners, at_corners = points[triangles], depths[triangles]
     found, looked = float(depths.max()), len(points)
     while looked < _POINTS:
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        open_ = at_corners.max(axis=1) + edges.max(axis=1) / np.sqrt(3.0) > found + accuracy
-        if not open_.any():
+        bounds = at_corners.max(axis=1) + edges.max(axis=1) / np.sqrt(3.0)
+        order = np.argsort(-bounds, kind="stable")[: int((bounds > found + accuracy).sum())]
+        if not len(order):
             break
-        # the longest edge first
-        turned = (edges[open_].argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(np.take_along_axis(corners[open_], turned[:, :, None], axis=1), 1, 0)
-        at_a, at_b, at_c = np.take_along_axis(at_corners[open_], turned, axis=1).T
+        now, later = order[:_BATCH], order[_BATCH:]
+        turned = (edges[now].argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest edge first
+        a, b, c = np.moveaxis(np.take_along_axis(corners[now], turned[:, :, None], axis=1), 1, 0)
+        at_a, at_b, at_c = np.take_along_axis(at_corners[now], turned, axis=1).T
         middles = 0.5 * (a + b)
         at_middles = depth(middles)
         looked += len(middles)
         found = max(found, float(at_middles.max()))
-        corners = np.concatenate([np.stack([a, middles, c], axis=1), np.stack([middles, b, c], axis=1)])
-        at_corners = np.concatenate([np.stack([at_a, at_middles, at_c], 1), np.stack([at_middles, at_b, at_c], 1)])
+        halves = [np.stack([a, middles, c], axis=1), np.stack([middles, b, c], axis=1)]
+        at_halves = [np.stack([at_a, at_middles, at_c], axis=1), np.stack([at_middles, at_b, at_c], axis=1)]
+        corners = np.concatenate([corners[later], *halves])
+        at_corners = np.concatenate([at_corners[later], *at_halves])
     return found
 
 
