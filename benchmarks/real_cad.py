@@ -78,8 +78,19 @@ def measure(folder: Path, *, second: bool) -> dict:
         "grasps": sum(step["contact"] is not None for step in plan["steps"]),
         "subassemblies": sum("subassembly" in step for step in plan["steps"]),
         "timings": plan.get("timings"),
-        "reason": "; ".join(f"{u['part']} {u['answer']} ({u['reason']})" for u in plan["unsolved"]),
+        "reason": "; ".join(reasons(plan["unsolved"])),
     }
+
+
+def reasons(unsolved: list[dict]) -> list[str]:
+    """Return what is said of the parts without a step, once for all of which the same is said."""
+    alike: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for entry in unsolved:
+        alike[entry["answer"], entry["reason"]].append(entry["part"])
+    return [
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''} {answer} ({reason})"
+        for (answer, reason), names in alike.items()
+    ]
 
 
 def summarise(rows: list[dict]) -> dict[str, dict]:

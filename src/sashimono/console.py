@@ -56,7 +56,7 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     return [
         f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
         *_step_lines(plan.steps, width, ""),
-        *(f"   - {entry.part:<{width}}  {_unsolved_words(entry)}" for entry in plan.unsolved),
+        *_unsolved_lines(plan, width),
         *_overlap_lines(plan),
     ]
 
@@ -113,6 +113,16 @@ def _contact_words(step: Step) -> str:
     return f"{step.contact.kind} of quality {step.contact.quality:.3g}"
 
 
-def _unsolved_words(entry: Unsolved) -> str:
-    blockers = f", blocked by {', '.join(entry.blocked_by)}" if entry.blocked_by else ""
-    return f"{entry.answer}{blockers}: {entry.reason}"
+def _unsolved_lines(plan: AssemblyPlan, width: int) -> Iterator[str]:
+    """One for each reason; of parts that hold one another, who blocks whom is left to plan.json."""
+    alike: dict[tuple[str, str], list[Unsolved]] = {}
+    for entry in plan.unsolved:
+        alike.setdefault((entry.answer, entry.reason), []).append(entry)
+    for (answer, reason), entries in alike.items():
+        if len(entries) == 1:
+            blockers = ", ".join(entries[0].blocked_by)
+            yield f"   - {entries[0].part:<{width}}  {answer}{f', blocked by {blockers}' if blockers else ''}: {reason}"
+        else:
+            more = f"and {len(entries) - 1} more: {', '.join(entry.part for entry in entries[1:])}"
+            yield f"   - {entries[0].part:<{width}}  {answer}: {reason}"
+            yield f"     {'':<{width}}  {more}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
@@ -18,7 +18,7 @@ from sashimono.contact import ContactConfig, Executability, named_gripper
 from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import Ban, DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence import REFUSED, Ban, DisassemblyResult, SequenceConfig, find_disassembly
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.mesh import smallest_extent
 from sashimono.motion import MotionConfig
@@ -84,11 +84,13 @@ def plan_assembly(
         stage=clock.stage,
     )
     best: _Attempt | None = None
+    refutations: dict[str, str] = {}
     # spawned generators advance: each attempt gets its own, whatever the ones before drew
     for motion_rng, contact_rng in zip(
         rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
     ):
         attempt = _attempt(planner, cascade, banned, config, (motion_rng, contact_rng), progress)
+        refutations |= attempt.refutations
         if best is None or len(placed_parts(attempt.steps)) > len(placed_parts(best.steps)):
             best = attempt
         if not attempt.refused - banned:
@@ -96,7 +98,8 @@ def plan_assembly(
         banned |= attempt.refused
         logger.info("going back to level 1 without %s", sorted(attempt.refused))
     assert best is not None, "at least one attempt is made"
-    return _plan(assembly, best, config, seed, clock)
+    unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
+    return _plan(assembly, replace(best, unsolved=unsolved), config, seed, clock)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +111,16 @@ class _Attempt:
     unsolved: tuple[Unsolved, ...]
     refused: frozenset[Ban]
     """Departures that level 2 or the check refused."""
+    refutations: Mapping[str, str]
+    """What the check, or level 2, said of each part whose motion it refused."""
     verified: bool
+
+
+def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolved:
+    """What is said of a part all of whose ways out were refused, with what the last refusal said."""
+    if entry.reason != REFUSED.reason or entry.part not in refutations:
+        return entry
+    return replace(entry, reason=f"{entry.reason}: {refutations[entry.part]}")
 
 
 def _attempt(
@@ -137,6 +149,7 @@ def _attempt(
         table=level.table,
         unsolved=unsolved,
         refused=level.refused | judge.refused,
+        refutations={entry.part: entry.reason for entry in (*level.failed, *judge.refuted)},
         verified=not (report.problems or unsolved),
     )
 

@@ -33,6 +33,8 @@ class PlannedLevel:
     """Parts without a step of their own on this level or below."""
     refused: frozenset[Ban]
     """Departures for which no motion was found."""
+    failed: tuple[Unsolved, ...]
+    """What is said of each of them."""
 
     @property
     def order(self) -> tuple[str, ...]:
@@ -102,6 +104,7 @@ class TreePlanner:
             table=motions.table,
             unsolved=tuple(unsolved.values()),
             refused=frozenset(departures[name].ban for name in failed).union(*(b.refused for b in inside.values())),
+            failed=(*failed.values(), *(entry for below in inside.values() for entry in below.failed)),
         )
 
     def _members(self, departure: Departure) -> tuple[str, ...]:

@@ -193,9 +193,14 @@ class Blocking:
         other: int,
         *,
         length: float = np.inf,
+        tolerance: float | None = None,
     ) -> float:
         """Return how far a part, displaced by ``offset``, goes along a unit direction before it is too
-        deep in ``other`` [m]; infinite if it passes, or goes as far as ``length``."""
+        deep in ``other`` [m]; infinite if it passes, or goes as far as ``length``.
+
+        Too deep is more than the pair overlaps as assembled plus the tolerance [m], that of the configuration
+        unless given.
+        """
         a, b = self.bodies[part], self.bodies[other]
         T_b_a = se3.inverse(self.poses[other]) @ se3.make(None, offset) @ self.poses[part]
         size = min(self.sizes[part], self.sizes[other])
@@ -204,8 +209,9 @@ class Blocking:
         length = min(length, _separation(a, b, T_b_a, along_b))
         if length <= 0.0:
             return np.inf
-        travel = _march_both(a, b, T_b_a, along_b, length=length, limit=self.limit(part, other), least_step=step)
-        bare = self.config.tolerance * size
+        bare = self.config.tolerance * size if tolerance is None else tolerance
+        limit = bare + float(self.allowances[part, other])
+        travel = _march_both(a, b, T_b_a, along_b, length=length, limit=limit, least_step=step)
         if travel == 0.0 or self.allowances[part, other] <= bare:
             return travel
         # once the two have parted, the bare tolerance holds
@@ -321,9 +327,9 @@ def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndar
             T_b_a = se3.inverse(assembly.parts[b].T_world_part) @ assembly.parts[a].T_world_part
             depth = mutual_depth(bodies[a], bodies[b], T_b_a)
             if depth > 0.0:
-                # probes can err on a surface that meets itself, and would then excuse what is no overlap
+                # probes miss where a coarse mesh has none, and err on a surface that meets itself
                 exact = intersection_depth(bodies[a], bodies[b], T_b_a)
-                depth = depth if exact is None else min(depth, exact)
+                depth = depth if exact is None else exact
             out[a, b] = out[b, a] = depth
     return out
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from sashimono.disassembly.explain import BlockedDirection, Blocker, Explanation
+from sashimono.geometry.directions import direction_name
 from sashimono.plan import Answer
 
 _VERDICTS = {
@@ -17,17 +17,8 @@ _VERDICTS = {
     Answer.UNKNOWN: "cannot leave, as far as was found",
 }
 
-
 _MOST_SETS = 4
 """Sets of parts to remove first that are put into words; JSON has all."""
-
-
-def direction_name(direction: Float[np.ndarray, "3"]) -> str:
-    """Return "+z" and the like within half a degree of a world axis, else the components."""
-    axis = int(np.argmax(np.abs(direction)))
-    if abs(direction[axis]) > math.cos(math.radians(0.5)):
-        return f"{'-' if direction[axis] < 0 else '+'}{'xyz'[axis]}"
-    return "({:.2f}, {:.2f}, {:.2f})".format(*(direction + 0.0))
 
 
 def explanation_lines(found: Explanation) -> list[str]:

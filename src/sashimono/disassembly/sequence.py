@@ -9,7 +9,7 @@ a subassembly leaves as one body, and is taken apart by itself: the result is a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +17,7 @@ from jaxtyping import Float
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.separate import Cascade, Separation
 from sashimono.disassembly.subassembly import find_subassembly
+from sashimono.disassembly.verdict import VerdictConfig, worded
 from sashimono.plan import Answer
 
 Ban = tuple[int, int]
@@ -38,6 +39,8 @@ class SequenceConfig:
     """Worth of a removal after which the remaining parts still hang together."""
     small_first: float = 1.0
     """Worth of the smallest part's removal, against that of the largest at 0."""
+    verdict: VerdictConfig = field(default_factory=VerdictConfig)
+    """How what holds the parts that stay is put into words."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,14 +132,14 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
         progress(start.bit_count() - remaining.bit_count())
     if not remaining & (remaining - 1):
         protected = bits(remaining)[0]
+    stuck = [entry for entry in stuck if entry[0] != protected]
+    table, config = chooser.cascade.blocking, chooser.config.verdict
     return DisassemblyResult(
-        base=protected,
-        removals=tuple(removals),
-        stuck=tuple(entry for entry in stuck if entry[0] != protected),
+        base=protected, removals=tuple(removals), stuck=worded(table, remaining, stuck, config=config)
     )
 
 
-_REFUSED = Separation(
+REFUSED = Separation(
     answer=Answer.UNKNOWN,
     reason="the ways out that were found were refused later: no motion there, or refuted by the check",
 )
@@ -214,7 +217,7 @@ class _Chooser:
         parts = sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k))
         for part in parts:
             if (1 << part, -1) in self.banned:
-                said.append((part, _REFUSED))
+                said.append((part, REFUSED))
                 continue
             separation = ask(part, remaining)
             if separation.answer is Answer.FREE:

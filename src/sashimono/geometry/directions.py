@@ -94,6 +94,14 @@ def perpendicular_directions(
     return np.concatenate([across, np.cross(direction, across)])
 
 
+def direction_name(direction: Float[np.ndarray, "3"]) -> str:
+    """Return "+z" and the like within half a degree of a world axis, else the components."""
+    axis = int(np.argmax(np.abs(direction)))
+    if abs(direction[axis]) > math.cos(math.radians(0.5)):
+        return f"{'-' if direction[axis] < 0 else '+'}{'xyz'[axis]}"
+    return "({:.2f}, {:.2f}, {:.2f})".format(*(direction + 0.0))
+
+
 def sphere_directions(count: int) -> Float[np.ndarray, "count 3"]:
     """Return unit vectors spread evenly over the sphere (Fibonacci lattice)."""
     k = np.arange(count) + 0.5

@@ -6,16 +6,21 @@ taken. The overlap that a pair has in the assembled pose is measured here too: i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from sashimono.geometry import se3
 from sashimono.verify.body import Body
 
-_REFINED_TRIANGLES = 6000
-_FINEST = 8
+_ACCURACY = 0.004
+"""To which the depth is found, over the smaller body's smallest extent: a fifth of what a plan may add."""
+_POINTS = 6000
+"""Most points looked at for one depth; with that many, the deepest found is what is said."""
+_BATCH = 256
+"""Triangles halved at once, the most promising."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +43,54 @@ def intersection(moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "4
     volume = float(common.volume())
     if common.is_empty() or volume <= 0.0:
         return Overlap(volume=0.0, depth=0.0, exact=True)
-    pieces = int(np.clip(np.sqrt(_REFINED_TRIANGLES / common.num_tri()), 1, _FINEST))
-    refined = common.refine(pieces) if pieces > 1 else common
-    points = np.ascontiguousarray(np.asarray(refined.to_mesh64().vert_properties)[:, :3])
-    # each point lies on one surface and within the other body: the greater distance, whatever its sign, is its depth
-    depth_fixed = np.abs(fixed.distance(points))
-    depth_moving = np.abs(moving.distance(se3.apply(se3.inverse(T_fixed_moving), points)))
-    return Overlap(volume=volume, depth=float(np.maximum(depth_fixed, depth_moving).max()), exact=True)
+    T_moving_fixed = se3.inverse(T_fixed_moving)
+
+    def depth(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        # each point lies on one surface and within the other body: the greater distance, whatever its sign, counts
+        in_moving = np.abs(moving.distance(np.ascontiguousarray(se3.apply(T_moving_fixed, points))))
+        return np.maximum(in_moving, np.abs(fixed.distance(np.ascontiguousarray(points))))
+
+    surface = common.to_mesh64()
+    points = np.asarray(surface.vert_properties)[:, :3]
+    triangles = np.asarray(surface.tri_verts).astype(np.int64)
+    accuracy = _ACCURACY * min(moving.smallest_extent, fixed.smallest_extent)
+    return Overlap(volume=volume, depth=_greatest(depth, points, triangles, accuracy), exact=True)
+
+
+def _greatest(
+    depth: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]],
+    points: Float[np.ndarray, "n 3"],
+    triangles: Int[np.ndarray, "triangle 3"],
+    accuracy: float,
+) -> float:
+    """Return the greatest depth over some triangles; it changes by no more than the way from a point to the next.
+
+    No point is farther from its triangle's nearest corner than the longest edge over √3. So triangles are halved, at
+    that edge, only while they may hold a depth greater by ``accuracy`` than the greatest seen,
+    the most promising first.
+    """
+    depths = depth(points)
+    corners, at_corners = points[triangles], depths[triangles]
+    found, looked = float(depths.max()), len(points)
+    while looked < _POINTS:
+        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        bounds = at_corners.max(axis=1) + edges.max(axis=1) / np.sqrt(3.0)
+        order = np.argsort(-bounds, kind="stable")[: int((bounds > found + accuracy).sum())]
+        if not len(order):
+            break
+        now, later = order[:_BATCH], order[_BATCH:]
+        turned = (edges[now].argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest edge first
+        a, b, c = np.moveaxis(np.take_along_axis(corners[now], turned[:, :, None], axis=1), 1, 0)
+        at_a, at_b, at_c = np.take_along_axis(at_corners[now], turned, axis=1).T
+        middles = 0.5 * (a + b)
+        at_middles = depth(middles)
+        looked += len(middles)
+        found = max(found, float(at_middles.max()))
+        halves = [np.stack([a, middles, c], axis=1), np.stack([middles, b, c], axis=1)]
+        at_halves = [np.stack([at_a, at_middles, at_c], axis=1), np.stack([at_middles, at_b, at_c], axis=1)]
+        corners = np.concatenate([corners[later], *halves])
+        at_corners = np.concatenate([at_corners[later], *at_halves])
+    return found
 
 
 def sampled_depth(moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "4 4"]) -> float:

@@ -11,7 +11,8 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.disassembly.explain import BlockedDirection, Blocker, Explanation
-from sashimono.disassembly.explain_report import change_words, direction_name, explanation_lines
+from sashimono.disassembly.explain_report import change_words, explanation_lines
+from sashimono.geometry.directions import direction_name
 from sashimono.view.appearance import BASE_COLOR
 from sashimono.view.config import ViewConfig
 from sashimono.view.files import write_whole
