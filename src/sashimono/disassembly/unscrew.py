@@ -36,6 +36,8 @@ class UnscrewConfig:
     """Depth beyond the assembled overlap that the check of a path allows, over the smaller part's smallest extent."""
     leg: float = 2.0 * np.pi / 3.0
     """Turn of one stretch [rad]; geodesics need less than π."""
+    most_turned: float = 0.9 * np.pi
+    """Largest turn in place before the screw begins [rad]."""
     max_turns: float = 40.0
     """Turns followed along one screw."""
     offsets: int = 16
@@ -92,7 +94,7 @@ def search_unscrew(threads: Threads, part: int, others: Sequence[int]) -> Remova
     for other in paths.near(np.eye(4)):
         for helix in threads.between(part, other):
             for sign in (1.0, -1.0):
-                for start in _starts(blocking, part, other, helix, sign, config):
+                for start in _starts(paths, other, helix, sign, config):
                     removal = _follow(paths, helix, sign, start, config)
                     if removal is not None:
                         return removal
@@ -100,42 +102,47 @@ def search_unscrew(threads: Threads, part: int, others: Sequence[int]) -> Remova
 
 
 def _starts(
-    blocking: Blocking, part: int, other: int, helix: Helix, sign: float, config: UnscrewConfig
-) -> Iterator[float]:
-    """Shifts along the axis at which the screw may begin [m]: where ridges overlap less than assembled, and there."""
-    size = min(float(blocking.sizes[part]), float(blocking.sizes[other]))
-    if blocking.allowances[part, other] > config.tolerance * size:
-        T = se3.inverse(blocking.poses[other])
-        shifts = np.arange(1, config.offsets) * (2.0 * np.pi * abs(helix.pitch) / config.offsets)
-        depths = [
-            mutual_depth(
-                blocking.bodies[part],
-                blocking.bodies[other],
-                T @ se3.make(None, sign * shift * helix.axis) @ blocking.poses[part],
-            )
-            for shift in shifts
-        ]
-        clear = np.flatnonzero(np.array(depths) <= config.tolerance * size)
+    paths: Paths, other: int, helix: Helix, sign: float, config: UnscrewConfig
+) -> Iterator[list[Float[np.ndarray, "4 4"]]]:
+    """Displacements from which the screw may begin, the assembled pose first.
+
+    Where CAD draws ridges overlapping, a shift along the axis takes them midway between the other's, or else a turn
+    in place: seen along the thread, that is a shift the other way. Last, with the overlap as it is.
+    """
+    table = paths.blocking
+    limit = config.tolerance * min(paths.size, float(table.sizes[other]))
+    if table.allowances[paths.part, other] > limit:
+        lead = 2.0 * np.pi * abs(helix.pitch)
+        shifts = np.arange(1, config.offsets) * (lead / config.offsets)
+        ways = [se3.make(None, sign * shift * helix.axis) for shift in shifts]
+        T_other_world, body = se3.inverse(table.poses[other]), table.bodies[other]
+        depths = [mutual_depth(paths.body, body, T_other_world @ D @ paths.T_assembled) for D in ways]
+        clear = np.flatnonzero(np.array(depths) <= limit)
         if len(clear):
-            first = np.split(clear, np.flatnonzero(np.diff(clear) > 1) + 1)[0]
-            yield float(shifts[first[len(first) // 2]])  # midway between the ridges
-    yield 0.0
+            runs = np.split(clear, np.flatnonzero(np.diff(clear) > 1) + 1)
+            first, last = runs[0][len(runs[0]) // 2], runs[-1][len(runs[-1]) // 2]
+            angle = (lead - shifts[last]) / abs(helix.pitch)
+            twist = helix.twist(sign)
+            twist[:3] -= (twist[:3] @ helix.axis) * helix.axis
+            turned = [se3.exp(angle * twist)] if angle < config.most_turned else []
+            for start in (ways[first], *turned):
+                if paths.check(np.array([np.eye(4), start])):
+                    yield [np.eye(4), start]
+    yield [np.eye(4)]
 
 
-def _follow(paths: Paths, helix: Helix, sign: float, start: float, config: UnscrewConfig) -> Removal | None:
-    """The removal along one screw, after a shift along its axis; None if something stops it."""
+def _follow(
+    paths: Paths, helix: Helix, sign: float, start: list[Float[np.ndarray, "4 4"]], config: UnscrewConfig
+) -> Removal | None:
+    """The removal along one screw from the last of the poses given; None if something stops it."""
     direction = sign * helix.axis
-    poses = [np.eye(4)]
-    if start > 0.0:
-        poses.append(se3.make(None, start * direction))
-        if not paths.check(np.array(poses)):
-            return None
+    poses = start
     leg = config.leg * helix.twist(sign)
     step = se3.exp(leg)
     for _ in range(int(np.ceil(config.max_turns * 2.0 * np.pi / config.leg))):
         if paths.advance(poses[-1], leg)[1] is not None:
             return None
-        poses.append(step @ poses[-1])
+        poses = [*poses, step @ poses[-1]]
         end = paths.exit(poses[-1], direction)
         # an overlap as deep as assembled would let the ridges through one another: not once they have parted
         if end is not None and paths.parts_once(np.array([*poses, end])):
