@@ -14,8 +14,7 @@ from jaxtyping import Float
 from sashimono.geometry import se3
 from sashimono.verify.body import Body
 
-_REFINED_TRIANGLES = 6000
-_FINEST = 8
+_REFINED_POINTS = 3000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +37,8 @@ def intersection(moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "4
     volume = float(common.volume())
     if common.is_empty() or volume <= 0.0:
         return Overlap(volume=0.0, depth=0.0, exact=True)
-    pieces = int(np.clip(np.sqrt(_REFINED_TRIANGLES / common.num_tri()), 1, _FINEST))
-    refined = common.refine(pieces) if pieces > 1 else common
+    # by length, not so many pieces each: of a peg in solid material, the long faces reach deepest in their middle
+    refined = common.refine_to_length(float(np.sqrt(common.surface_area() / _REFINED_POINTS)))
     points = np.ascontiguousarray(np.asarray(refined.to_mesh64().vert_properties)[:, :3])
     # each point lies on one surface and within the other body: the greater distance, whatever its sign, is its depth
     depth_fixed = np.abs(fixed.distance(points))
