@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking
 from sashimono.geometry import se3
+from sashimono.geometry.body import mutual_depth
 from sashimono.geometry.screw import Screw, adjoint, between, march_screw
 
 _STRIDES = (16, 1)
@@ -93,6 +94,39 @@ class Paths:
         """Return the translation from D along a unit direction past the whole assembly, whatever of it remains."""
         return np.concatenate([self._way_past(range(len(self.blocking)), D, direction) * direction, np.zeros(3)])
 
+    def parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
+        """Return whether a checked path holds to the bare tolerance from where an overlapping pair first parts.
+
+        The overlap in the assembled pose excuses a pair only until the two have come apart (`parting`).
+        """
+        table = self.blocking
+        for other in self.others:
+            bare = table.config.tolerance * min(self.size, float(table.sizes[other]))
+            if table.allowances[self.part, other] > bare and not self._parts_once(displacements, other, bare):
+                return False
+        return True
+
+    def _parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"], other: int, bare: float) -> bool:
+        """Whether the path is within the bare depth of one other after it has first been."""
+        table = self.blocking
+        least = table.config.least_step * min(self.size, float(table.sizes[other]))
+        T_b_world = se3.inverse(table.poses[other])
+        parted = False
+        for a, b in pairwise(displacements):
+            twist = between(a, b)
+            rate = self.rate(a, twist)
+            start = 0.0
+            while not parted and start < 1.0:
+                T_b_a = T_b_world @ se3.exp(start * twist) @ a @ self.T_assembled
+                depth = mutual_depth(self.body, table.bodies[other], T_b_a)
+                parted = depth <= bare
+                start += 0.0 if parted else max(depth - bare, least) / max(rate, least)
+            if parted and start < 1.0:
+                D, rest = se3.exp(start * twist) @ a, (1.0 - start) * twist
+                if np.isfinite(self._past(D, rest, other, 1, table.config.least_step, limit=bare)):
+                    return False
+        return True
+
     def exit(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"] | None:
         """Return where the part is past the others after a straight exit from D; None if something stops it."""
         if self.advance(D, self.straight(D, direction))[1] is not None:
@@ -140,16 +174,25 @@ class Paths:
         return swept.min(axis=0) - sagitta, swept.max(axis=0) + sagitta
 
     def _past(
-        self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"], other: int, stride: int, least: float
+        self,
+        D: Float[np.ndarray, "4 4"],
+        twist: Float[np.ndarray, "6"],
+        other: int,
+        stride: int,
+        least: float,
+        *,
+        limit: float | None = None,
     ) -> float:
-        """The u at which the part is first too deep in one other; infinite if it passes."""
+        """The u at which the part is first too deep in one other; infinite if it passes.
+
+        Too deep is more than ``limit`` [m], or than the assembled overlap and the tolerance if None.
+        """
         table = self.blocking
         b = table.bodies[other]
         size = min(self.size, float(table.sizes[other]))
-        options = {
-            "limit": float(table.allowances[self.part, other]) + self.tolerance * size,
-            "least_step": least * size,
-        }
+        if limit is None:
+            limit = float(table.allowances[self.part, other]) + self.tolerance * size
+        options = {"limit": limit, "least_step": least * size}
         T_b_world = se3.inverse(table.poses[other])
         T_b_a = T_b_world @ D @ self.T_assembled
         T_a_b = se3.inverse(T_b_a)

@@ -71,7 +71,10 @@ def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, conf
             pushes += 1
             stretches += outcome.stretches
             if outcome.exit_direction is not None:
-                return PhysicsResult(removal=outcome.removal(before), pushes=pushes)
+                removal = outcome.removal(before)
+                if paths.parts_once(removal.displacements):
+                    return PhysicsResult(removal=removal, pushes=pushes)
+                continue
             met.update(outcome.met)
             rest = outcome.displacements[-1]
             if all(paths.distance(rest, other) > config.novelty * paths.size for other in known):

@@ -1,9 +1,10 @@
 """The cascade: can this part leave the remaining ones, and by which motion?
 
 Each stage is asked only what the one before left open. Blocking tries single translations along the
-assembly's directions; then directions taken from the part's own contacts; then several translations
-in a row; then pushes simulated with contact and friction, which turn parts out too. A "no" is
-remembered with the parts it was found among, so that larger sets fail free.
+assembly's directions; then the screw of a thread that the part shares with another; then directions taken
+from the part's own contacts; then several translations in a row; then pushes simulated with contact and
+friction, which turn parts out too. A "no" is remembered with the parts it was found among, so that
+larger sets fail free.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from sashimono.disassembly.contacts import ContactNormals, escape_directions, im
 from sashimono.disassembly.physics import PhysicsConfig, search_physics
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation import TranslationConfig, TranslationSearch
+from sashimono.disassembly.unscrew import Threads, UnscrewConfig, search_unscrew
 from sashimono.geometry.body import Body
 from sashimono.plan import Answer
 
@@ -33,6 +35,7 @@ class SeparateConfig:
     blocking: BlockingConfig = field(default_factory=BlockingConfig)
     translation: TranslationConfig = field(default_factory=TranslationConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    unscrew: UnscrewConfig = field(default_factory=UnscrewConfig)
     contact_gap: float = 0.01
     """Surfaces nearer than this share of the smaller part's extent touch."""
     proof_gap: float = 0.0025
@@ -73,6 +76,8 @@ class Cascade:
         self._contacts = ContactNormals(self.blocking, gap=config.proof_gap)
         self._touching = ContactNormals(self.blocking, gap=config.contact_gap)
         self.translations = TranslationSearch(self.blocking, config=config.translation)
+        self.threads = Threads(self.blocking, config=config.unscrew)
+        self._held: dict[int, list[int]] = {}
         self._failed: dict[int, list[tuple[int, int, Separation]]] = {}
         self._found: dict[int, list[tuple[int, Separation]]] = {}
         self._resting: dict[int, list[tuple[int, Separation]]] = {}
@@ -93,6 +98,22 @@ class Cascade:
             if (1 << part, signed) not in banned and table.is_free(part, signed, others):
                 return self._straight(part, others, table.direction(signed), signed=signed, stage="blocking")
         return None
+
+    def unscrewed(self, part: int, remaining: int) -> Separation:
+        """Return the removal by the screw of a thread that the part shares with another, if that frees it."""
+        others = remaining & ~(1 << part)
+        for blockers, separation in self._found.get(part, []):
+            if separation.stage == "thread" and not blockers & others:
+                return separation
+        if not any(held & ~others == 0 for held in self._held.get(part, [])):
+            removal = search_unscrew(self.threads, part, bits(others))
+            if removal is not None:
+                separation = Separation(answer=Answer.FREE, removal=removal, stage="thread")
+                absent = self.blocking.all_parts & ~others & ~(1 << part)  # any of these may be in its way
+                self._found.setdefault(part, []).append((absent, separation))
+                return separation
+            self._held.setdefault(part, []).append(others)
+        return Separation(answer=Answer.UNKNOWN, stage="thread", reason="no thread found that it leaves by")
 
     def further(self, part: int, remaining: int) -> Separation:
         """Return what the later stages say of a part that no direction of the relation frees.
@@ -120,6 +141,9 @@ class Cascade:
     def pushed(self, part: int, remaining: int) -> Separation:
         """Return what physics says of a part that no translation frees; where it finds nothing, both reasons."""
         others = remaining & ~(1 << part)
+        known = self.unscrewed(part, remaining)
+        if known.answer is Answer.FREE:
+            return known
         known = self.further(part, remaining)
         if known.answer is Answer.FREE:
             return known

@@ -115,7 +115,9 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
             # the base itself can go: keep another one instead, the best of those that are left
             protected = chooser.base_among(remaining & ~(1 << protected))
             continue
-        # translations of all parts, then of groups, come before physics of any: they cost less
+        # threads, translations of all parts, then of groups, come before physics of any: they cost less
+        if choice is None:
+            choice, _ = chooser.next_further(remaining, protected, chooser.cascade.unscrewed)
         if choice is None:
             choice, stuck = chooser.next_further(remaining, protected, chooser.cascade.further)
         if choice is None:

@@ -102,6 +102,13 @@ class Body:
         inside = self._inside(points, closest, face)
         return np.where(inside, -distance, distance)
 
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Return which points are inside by the generalized winding number (Jacobson et al. 2013).
+
+        Slower than the sign of `distance`, and right also where the surface folds back on, or touches, itself.
+        """
+        return np.reshape(igl.winding_number(self.vertices, self.faces, np.ascontiguousarray(points)), -1) > 0.5
+
     def nearest_normal(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Return the outward normal of the face nearest to each point."""
         return self._normals[self._nearest(points)[1], 0]

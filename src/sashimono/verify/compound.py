@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from sashimono.geometry import se3
 from sashimono.verify.body import Body
@@ -31,6 +31,10 @@ class Compound(Body):
     def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the signed distance of each point to the nearest member [m], negative inside any of them."""
         return self._distances(points).min(axis=0)
+
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Return which points are inside any member."""
+        return np.any([body.contains(se3.apply(T, points)) for body, T in self._members], axis=0)
 
     def nearest_normal(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Return the outward normal of the face nearest to each point, of whichever member."""

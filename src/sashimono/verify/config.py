@@ -13,6 +13,9 @@ class VerifyConfig:
     """Depth a pair may reach beyond its overlap in the assembled pose, over the smaller part's smallest extent."""
     relative_wall: float = 0.4
     """Most that this tolerance may be, over the thickness of either part's thin walls: shells never slip through."""
+    relative_parted: float = 0.5
+    """Depth, over that tolerance, at which a pair that overlaps in the assembled pose has parted: an overlap that
+    wavers about the tolerance itself, as facets of a thread make it, has not ended."""
     samples: int = 3000
     """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
     relative_resolution: float = 0.125

@@ -102,11 +102,11 @@ def _after_parting(
     time = float(len(path.angle))
     while time > 0.0:
         depth = sampled_depth(moving, fixed, seen.pose_at(time))
-        if depth <= tolerance:
+        if depth <= config.relative_parted * tolerance:
             break
         stretch = int(np.ceil(time)) - 1
         speed = float(np.linalg.norm(path.shift[stretch])) + path.angle[stretch] * moving.reach(path.point[stretch])
-        step = max(depth - tolerance, least)
+        step = max(depth - config.relative_parted * tolerance, least)
         time = max(0.0, float(stretch), time - step / speed) if speed > 0.0 else float(stretch)
     early = path.until(time)
     return _both_ways(

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from sashimono.geometry import se3
 from sashimono.verify.body import BallTree
@@ -31,6 +31,8 @@ class Target(Protocol):
 
     def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]: ...
 
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]: ...
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HalfSpace:
@@ -46,6 +48,10 @@ class HalfSpace:
     def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the height, 0 below."""
         return np.maximum(self.distance(points), 0.0)
+
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+        """Return which points are below."""
+        return self.distance(points) < 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -241,6 +247,9 @@ def _look(
     need = radii + travel - limit
     close = np.flatnonzero(target.box_distance(points) < need)
     s = target.distance(points[close]) if len(close) else np.empty(0)
+    deep = np.flatnonzero(s < -limit)
+    if len(deep):  # where the surface meets itself, the nearest face can tell the wrong side: ask the whole of it
+        s[deep] = np.where(target.contains(points[close[deep]]), s[deep], -s[deep])
     unsettled = s < need[close]
     close = close[unsettled]
     return items.take(close), s[unsettled], travel[close]

@@ -1,0 +1,115 @@
+"""Threads read off a surface: the screw that carries it into itself.
+
+A surface with unit normals n at points x slides along itself under a screw (v, ω) if ``n · v + (x × n) · ω`` is zero
+everywhere (Gelfand & Guibas, "Shape segmentation using local slippage analysis", 2004). With the direction of the
+axis given, ω is known and v follows from a linear fit: its part across the axis says where that is, its part along
+it is the pitch. Clearance and overlap between two parts do not matter, for each tells its own screw.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HelixConfig:
+    """What counts as a thread; lengths are over the typical distance from the axis."""
+
+    flank: tuple[float, float] = (0.2, 0.95)
+    """Faces whose normal has this much along the axis tell the pitch; more of it, and they are end faces."""
+    inlier: float = 0.05
+    """Largest normal velocity, over that of the turn, of a face that the screw carries along itself."""
+    scales: tuple[float, ...] = (1.0, 0.5, 0.2, 0.1, 0.05, 0.03, 0.03, 0.03)
+    """Scales of the Cauchy weights of the robust fit, one round each."""
+    least_share: float = 0.03
+    """Share of the surface, end faces aside, that flanks must be."""
+    least_fit: float = 0.8
+    """Share of the flanks that the screw must carry along themselves."""
+    most_turned: float = 0.4
+    """Most of the flanks that a mere turn may carry along themselves: cones and fillets are no threads."""
+    least_pitch: float = 0.005
+    """Smallest shift per radian."""
+    least_faces: int = 24
+    """Fewer faces tell nothing."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Helix:
+    """A screw by its axis and pitch."""
+
+    axis: Float[np.ndarray, "3"]
+    """Unit direction."""
+    point: Float[np.ndarray, "3"]
+    """A point on the axis [m]."""
+    pitch: float
+    """Shift along the axis for a turn about it by the right-hand rule [m/rad]; negative for a left-hand thread."""
+    radius: float
+    """Typical distance of the surface from the axis [m]."""
+
+    def twist(self, sign: float) -> Float[np.ndarray, "6"]:
+        """Return the spatial twist of one radian that shifts along the axis, or against it for a negative sign."""
+        w = np.copysign(1.0, sign * self.pitch) * self.axis
+        return np.concatenate([np.copysign(abs(self.pitch), sign) * self.axis - np.cross(w, self.point), w])
+
+
+def fit_helix(
+    triangles: Float[np.ndarray, "face 3 3"], axis: Float[np.ndarray, "3"], *, config: HelixConfig
+) -> Helix | None:
+    """Return the screw about an axis of this direction that carries the triangles along themselves, if one does.
+
+    None for surfaces that a mere turn carries along themselves, or that have too few flanks.
+    """
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    good = areas > 1e-12 * areas.max(initial=0.0)
+    normals, areas, points = normals[good] / areas[good, None], areas[good], triangles[good].mean(axis=1)
+    along = normals @ axis
+    side = np.abs(along) < config.flank[1]
+    normals, areas, points, along = normals[side], areas[side], points[side], np.abs(along[side])
+    if len(areas) < config.least_faces:
+        return None
+    flank = along > config.flank[0]
+    if areas[flank].sum() < config.least_share * areas.sum():
+        return None
+    middle = areas @ points / areas.sum()
+    arms = points - middle
+    radius = float(np.median(np.linalg.norm(np.cross(arms, axis), axis=1)))
+    turning = -(np.cross(arms, normals) @ axis)
+    v = _robust_fit(normals, turning, areas, radius, config)
+    pitch = float(v @ axis)
+    weights = (areas * along)[flank]
+    fits = _carried(normals[flank], turning[flank], weights, v, config.inlier * radius)
+    turned = _carried(normals[flank], turning[flank], weights, v - pitch * axis, config.inlier * radius)
+    if fits < config.least_fit or turned > config.most_turned or abs(pitch) < config.least_pitch * radius:
+        return None
+    return Helix(axis=axis, point=middle + np.cross(axis, v), pitch=pitch, radius=radius)
+
+
+def _robust_fit(
+    normals: Float[np.ndarray, "face 3"],
+    turning: Float[np.ndarray, "face"],
+    areas: Float[np.ndarray, "face"],
+    radius: float,
+    config: HelixConfig,
+) -> Float[np.ndarray, "3"]:
+    """The v that best solves ``n · v = turning``: reweighted least squares with ever narrower Cauchy weights."""
+    v, weights = np.zeros(3), areas
+    for scale in config.scales:
+        weighed = normals * weights[:, None]
+        v = np.linalg.solve(weighed.T @ normals + 1e-9 * weights.sum() * np.eye(3), weighed.T @ turning)
+        weights = areas / (1.0 + ((normals @ v - turning) / (scale * radius)) ** 2)
+    return v
+
+
+def _carried(
+    normals: Float[np.ndarray, "face 3"],
+    turning: Float[np.ndarray, "face"],
+    weights: Float[np.ndarray, "face"],
+    v: Float[np.ndarray, "3"],
+    limit: float,
+) -> float:
+    """The weighed share of faces that move along themselves."""
+    return float(weights[np.abs(normals @ v - turning) < limit].sum() / weights.sum())
