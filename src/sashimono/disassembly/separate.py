@@ -225,13 +225,13 @@ class Cascade:
 
     def _ask_further(self, part: int, others: int) -> Separation:
         table, config = self.blocking, self.config
-        normals, touching = self._contacts.of(part, others)
-        directions, margin = escape_directions(normals, samples=config.escape_samples)
+        contacts = self._contacts.of(part, others, samples=config.escape_samples)
+        directions, margin = escape_directions(contacts, samples=config.escape_samples)
         for direction in directions:
             if all(np.isinf(table.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
                 return self._straight(part, others, direction, signed=None, stage="contacts")
         if margin < -config.proof_margin:
-            needed = immobile_margin(normals, touching, samples=config.escape_samples, margin=config.proof_margin)
+            needed = immobile_margin(contacts, margin=config.proof_margin)
             return Separation(
                 answer=Answer.PROVEN_BLOCKED,
                 stage="contacts",

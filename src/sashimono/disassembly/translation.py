@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
+from sashimono.disassembly.caging import Cages
 from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
 from sashimono.disassembly.halts import Levels, halts
 from sashimono.disassembly.removal import Removal
@@ -70,6 +71,7 @@ class TranslationSearch:
         self.config = config
         self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
         self._spaces: dict[tuple[int, int], Space] = {}
+        self._cages = Cages(blocking, config=config.space)
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
@@ -79,14 +81,11 @@ class TranslationSearch:
             space = self._space(part, level)
             flood = space.flood(mask)
             if flood.blocked:
-                return TranslationResult(
-                    removal=None,
-                    proven=True,
-                    blocked_by=flood.proof,
-                    reason="proven for translations of this part alone: "
-                    "its configuration space has no way out past these parts",
-                )
+                return _proven(flood.proof)
             led.append((space, flood))
+        proof = self._cages.prove(part, mask)
+        if proof is not None:
+            return _proven(proof)
         found = TranslationResult(removal=None)
         for space, flood in (led[-1], led[0]):  # the finest lattice is the most faithful, the coarsest sees farthest
             found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
@@ -242,6 +241,16 @@ class _BestFirst:
         displacements[1:-1, :3, 3] = np.array(path[1:]).reshape(-1, 3)
         displacements[-1, :3, 3] = end
         return Removal(displacements=displacements, exit_direction=direction)
+
+
+def _proven(parts: tuple[int, ...]) -> TranslationResult:
+    return TranslationResult(
+        removal=None,
+        proven=True,
+        blocked_by=parts,
+        reason="proven for translations of this part alone: "
+        "its configuration space has no way out past these parts",
+    )
 
 
 def _lines(blocking: Blocking, part: int, most: int) -> Float[np.ndarray, "line 3"]:
