@@ -21,6 +21,10 @@ class Cages:
         self._part = -1
         self._spaces: dict[tuple[float, tuple[int, ...]], Space] = {}
 
+    def knows(self, part: int) -> bool:
+        """Return whether lattices of this part are at hand."""
+        return part == self._part
+
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
         if part != self._part:

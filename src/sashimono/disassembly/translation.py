@@ -19,6 +19,7 @@ from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.caging import Cages
 from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
 from sashimono.disassembly.halts import Levels, halts
+from sashimono.disassembly.legs import Legs
 from sashimono.disassembly.removal import Removal
 
 
@@ -72,6 +73,7 @@ class TranslationSearch:
         self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
         self._spaces: dict[tuple[int, int], Space] = {}
         self._cages = Cages(blocking, config=config.space)
+        self._legs: Legs | None = None
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
@@ -83,15 +85,32 @@ class TranslationSearch:
             if flood.blocked:
                 return _proven(flood.proof)
             led.append((space, flood))
-        proof = self._cages.prove(part, mask)
-        if proof is not None:
-            return _proven(proof)
+        # fine lattices cost more than the search, but once drawn, they answer other sets of obstacles at once
+        orders = (self._caged, self._led) if self._cages.knows(part) else (self._led, self._caged)
+        found = TranslationResult(removal=None)
+        for ask in orders:
+            answer = ask(part, others, led)
+            if answer.proven or answer.removal is not None:
+                return answer
+            found = answer if answer.reason else found
+        return found
+
+    def _caged(self, part: int, others: Sequence[int], _: list[tuple[Space, Flood]]) -> TranslationResult:
+        proof = self._cages.prove(part, sum(1 << other for other in others))
+        return TranslationResult(removal=None) if proof is None else _proven(proof)
+
+    def _led(self, part: int, others: Sequence[int], led: list[tuple[Space, Flood]]) -> TranslationResult:
         found = TranslationResult(removal=None)
         for space, flood in (led[-1], led[0]):  # the finest lattice is the most faithful, the coarsest sees farthest
-            found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
+            found = _BestFirst(self._legs_of(part), self._levels, others, space, flood, self.config).run()
             if found.removal is not None:
                 break
         return found
+
+    def _legs_of(self, part: int) -> Legs:
+        if self._legs is None or self._legs.part != part:
+            self._legs = Legs(self.blocking, part, _lines(self.blocking, part, self.config.max_directions))
+        return self._legs
 
     def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
         """Return the mask of the parts that a removal by translations runs into."""
@@ -124,21 +143,21 @@ class _BestFirst:
 
     def __init__(
         self,
-        blocking: Blocking,
+        legs: Legs,
         levels: Levels,
-        part: int,
         others: Sequence[int],
         space: Space,
         flood: Flood,
         config: TranslationConfig,
     ) -> None:
-        self.blocking, self.part, self.others = blocking, part, list(others)
+        self.legs = legs
+        self.blocking, self.part, self.others = legs.blocking, legs.part, list(others)
+        blocking, part = self.blocking, self.part
         self.space, self.flood, self.config = space, flood, config
         self.mask = sum(1 << other for other in others)
         self.cell = config.least_travel * float(blocking.sizes[part])
         self.least = config.least_leg * float(blocking.sizes[part])
-        self.lines = _lines(blocking, part, config.max_directions)
-        self.signed = np.stack([self.lines, -self.lines], axis=1).reshape(-1, 3)
+        self.lines, self.signed = legs.lines, legs.signed
         self.differences = levels.differences(part, others, self.lines)
         self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
         self.seen: set[tuple[int, ...]] = set()
@@ -157,7 +176,7 @@ class _BestFirst:
             end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
             if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
                 continue
-            travel, stopper = self._travel(path[-1], direction, length)
+            travel, stopper = self.legs.travel(path[-1], signed, length, self.others, enough=self.cell)
             traced += int(travel > self.least)
             if stopper is None and np.isinf(length):
                 return TranslationResult(removal=self._removal(path, direction), legs=traced)
@@ -216,21 +235,6 @@ class _BestFirst:
 
     def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
         return tuple(np.round(place / self.cell).astype(int).tolist())
-
-    def _travel(
-        self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float
-    ) -> tuple[float, int | None]:
-        """How far the part goes from an offset, up to a length, and the obstacle that stops it there if one does."""
-        shortest, stopper = length, None
-        for meeting, other in self.blocking.met(self.part, offset, direction, self.others):
-            if meeting >= shortest:
-                break
-            travel = self.blocking.travel(self.part, offset, direction, other, length=shortest)
-            if travel < shortest:
-                shortest, stopper = travel, other
-                if shortest < self.cell:
-                    break
-        return shortest, stopper
 
     def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:
         blocking = self.blocking
