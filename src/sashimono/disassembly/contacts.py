@@ -7,10 +7,10 @@ below zero, no translation of the part alone exists.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.geometry import se3
@@ -24,15 +24,24 @@ class ContactNormals:
         self._blocking = blocking
         self._gap = gap
         self._pairs: dict[tuple[int, int], np.ndarray] = {}
+        self._margins: dict[tuple[int, int, int], np.ndarray | None] = {}
 
-    def of(self, part: int, others: int) -> tuple[Float[np.ndarray, "contact 3"], Int[np.ndarray, "contact"]]:
-        """Return the normals along which the part is let go, and the part behind each."""
-        normals, owners = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
-        for other in bits(others):
-            pair = self._pair(part, other)
-            normals.append(pair)
-            owners.append(np.full(len(pair), other))
-        return np.concatenate(normals), np.concatenate(owners)
+    def of(self, part: int, others: int, *, samples: int) -> dict[int, Float[np.ndarray, "direction"]]:
+        """Return the margins of evenly spread directions against each part that touches."""
+        found = {other: self.margins(part, other, samples) for other in bits(others)}
+        return {other: margins for other, margins in found.items() if margins is not None}
+
+    def margins(self, part: int, other: int, samples: int) -> Float[np.ndarray, "direction"] | None:
+        """Return, for evenly spread directions, the smallest ``g · d`` over the pair's normals; None without contact."""
+        key = (part, other, samples)
+        if key not in self._margins:
+            normals = self._pair(part, other)
+            directions = sphere_directions(samples)
+            margins = np.full(samples, np.inf)
+            for start in range(0, len(normals), 512):
+                margins = np.minimum(margins, (directions @ normals[start : start + 512].T).min(axis=1))
+            self._margins[key] = margins if len(normals) else None
+        return self._margins[key]
 
     def touch(self, part: int, other: int) -> bool:
         """Return whether two parts touch."""
@@ -69,43 +78,32 @@ class ContactNormals:
 
 
 def escape_directions(
-    normals: Float[np.ndarray, "contact 3"], *, samples: int, most: int = 6
+    margins: Mapping[int, Float[np.ndarray, "direction"]], *, samples: int, most: int = 6
 ) -> tuple[Float[np.ndarray, "direction 3"], float]:
     """Return the directions that move away from the contacts most clearly, and the best one's margin.
 
     The margin of a direction is its smallest ``g · d``: positive moves away from every contact, zero
-    slides along one, negative runs into one.
+    slides along one, negative runs into one. They are given by the part behind the contacts.
     """
     directions = sphere_directions(samples)
-    if len(normals) == 0:
+    if not margins:
         return directions[:0], 1.0
-    margins = np.full(len(directions), np.inf)
-    for start in range(0, len(normals), 512):
-        margins = np.minimum(margins, (directions @ normals[start : start + 512].T).min(axis=1))
-    best = float(margins.max())
+    worst = np.min(list(margins.values()), axis=0)
+    best = float(worst.max())
     chosen: list[np.ndarray] = []
-    for k in np.argsort(-margins, kind="stable"):
-        if margins[k] < -0.02 or len(chosen) == most:
+    for k in np.argsort(-worst, kind="stable"):
+        if worst[k] < -0.02 or len(chosen) == most:
             break
         if all(directions[k] @ other < np.cos(np.radians(15.0)) for other in chosen):
             chosen.append(directions[k])
     return np.array(chosen).reshape(-1, 3), best
 
 
-def immobile_margin(
-    normals: Float[np.ndarray, "contact 3"],
-    owners: Int[np.ndarray, "contact"],
-    *,
-    samples: int,
-    margin: float,
-) -> Sequence[int]:
+def immobile_margin(margins: Mapping[int, Float[np.ndarray, "direction"]], *, margin: float) -> Sequence[int]:
     """Return a set of parts whose contacts alone prove the part immobile: none can be left out."""
-    directions = sphere_directions(samples)
-    parts = [int(k) for k in np.unique(owners)]
-    worst = {k: (directions @ normals[owners == k].T).min(axis=1) for k in parts}
-    needed = list(parts)
-    for part in parts:
+    needed = sorted(margins)
+    for part in sorted(margins):
         rest = [k for k in needed if k != part]
-        if rest and np.min([worst[k] for k in rest], axis=0).max() < -margin:
+        if rest and np.min([margins[k] for k in rest], axis=0).max() < -margin:
             needed = rest
     return needed

@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
-from sashimono.disassembly.flood import cast, explore, label, nearest_steps, steps_back
+from sashimono.disassembly.flood import Scene, cast, explore, label, nearest_steps, steps_back
+from sashimono.disassembly.meeting import SceneBuilder
 from sashimono.disassembly.voxels import eroded_lattice
 
 MOST_OBSTACLES = 62
@@ -29,12 +30,20 @@ class SpaceConfig:
 
     resolutions: tuple[float, ...] = (2.5, 5.0, 10.0)
     """Lattice cells to the part's smallest extent: coarse first, the next where that one leaks."""
+    proof_resolutions: tuple[float, ...] = (5.0, 10.0, 20.0, 40.0, 80.0)
+    """The same for lattices that only prove, where all of the above leak: thin walls, small screws in large parts."""
+    proof_window: int = 6
+    """Steps around the assembled pose with which a proof begins; it grows where the flood reaches the rim."""
     max_cells: int = 1_500_000
     """Most lattice points around the part; the window of displacements is cut to fit."""
-    max_points: int = 3000
-    """Most lattice points of the part; of more, evenly many are taken."""
+    max_proof_cells: int = 2_000_000
+    """The same for a lattice that only proves."""
+    max_points: int = 1000
+    """Most lattice points that stand for one pair of parts; of more, evenly many are taken."""
     max_visited: int = 200_000
     """Most displacements visited by one flood."""
+    max_proof_visited: int = 20_000
+    """The same on a lattice that only proves."""
     max_lead: int = 2000
     """Most visited displacements that are kept to lead the search."""
     tolerance: float = 0.02
@@ -53,12 +62,24 @@ class Flood:
     """Displacements visited, on the lattice."""
     steps: Int[np.ndarray, "cell"] = field(default_factory=lambda: np.zeros(0, np.int32))
     """Steps from each to the way out that was found."""
+    rim: tuple[int, int] | None = None
+    """Where it came out: side (0 down, 1 up) and axis."""
 
 
 class Space:
     """The displacements of one part among the parts around it, on one lattice."""
 
-    def __init__(self, blocking: Blocking, part: int, resolution: float, *, config: SpaceConfig) -> None:
+    def __init__(
+        self,
+        blocking: Blocking,
+        part: int,
+        resolution: float,
+        *,
+        config: SpaceConfig,
+        window: Int[np.ndarray, "2 3"] | None = None,
+    ) -> None:
+        """Draw the lattice. A window of displacements, in steps down and up, is cut to the way out only; without one
+        the lattice is as wide as fits."""
         self.config = config
         self.rotation = blocking.frame(part)
         own = blocking.vertices(part) @ self.rotation.T
@@ -73,43 +94,49 @@ class Space:
         self.spacing = h = min(float(blocking.sizes[part]), float((high - low).min())) / resolution
         count = np.floor((high - low) / h).astype(int) + 1
         room = np.stack([high - outer[:, 0].min(axis=0), outer[:, 1].max(axis=0) - low])
-        window = np.maximum(np.ceil(room / h).astype(int) + 1, 2)
-        self.full = window
+        self.full = np.maximum(np.ceil(room / h).astype(int) + 1, 2)
         """Lattice steps down and up at which the part's box is past all others', (2, 3)."""
-        self.window = _fit(window, count, config.max_cells)
+        most = config.max_cells if window is None else config.max_proof_cells
+        self.window = _fit(self.full, count, most) if window is None else np.minimum(window, self.full)
         """Lattice steps that the displacements reach down and up, (2, 3)."""
-        self.is_cut = bool((self.window < window).any())
+        self.is_cut = bool((self.window < self.full).any())
         """Whether the rim of the lattice is not the way out yet."""
         shape = self.window.sum(axis=0) + 1
-        corner = low + 0.5 * ((high - low) - (count - 1) * h)
-        fits = np.prod(shape + count - 1) <= config.max_cells
-        self._points = np.zeros((0, 3), np.int32)
-        self._owners = np.zeros(tuple(int(n) for n in shape + count - 1) if fits else (0, 0, 0), np.int64)
+        fits = np.prod(shape + count - 1) <= most
         self._labels = np.zeros(tuple(int(n) for n in shape) if fits else (0, 0, 0), np.int64)
         self._known = np.zeros(self._labels.shape, np.bool_)
+        self._scene: Scene | None = None
         if fits:
-            self._fill(blocking, part, own, corner, count, boxes)
+            corner = low + 0.5 * ((high - low) - (count - 1) * h)
+            self._scene = self._draw(blocking, part, own, corner, count, boxes)
         start = tuple(int(n) for n in self.window[0])
-        self._inside = label(self._points, self._owners, start, self._labels, self._known) if fits else 0
+        self._inside = 0 if self._scene is None else label(self._scene, start, self._labels, self._known)
 
-    def flood(self, others: int) -> Flood:
-        """Return whether these obstacles (a mask of parts) hold the part, or the steps to a way out."""
-        if not len(self._points):  # too thin, or too wide, for this lattice
+    def flood(self, others: int, *, max_visited: int | None = None) -> Flood:
+        """Return whether these obstacles (a mask of parts) hold the part, or the steps to a way out.
+
+        Past ``max_visited`` displacements (the configuration's, if not given) it gives up: not blocked, no steps.
+        """
+        if self._scene is None:  # too thin, or too wide, for this lattice
             return Flood(blocked=False)
         wanted = self._bits_of(others)
+        if not wanted:
+            return Flood(blocked=False)
+        budget = max_visited or self.config.max_visited
         steps = np.full(self._labels.shape, -1, np.int32)
-        queue = np.empty((min(self.config.max_visited, steps.size) + 1, 3), np.int32)
+        queue = np.empty((min(budget, steps.size) + 1, 3), np.int32)
         start = tuple(int(n) for n in self.window[0])
-        out, count, walls = explore(
-            self._points, self._owners, self._labels, self._known, start, wanted, steps, queue, self.config.max_visited
-        )
+        out, count, walls = explore(self._scene, self._labels, self._known, start, wanted, steps, queue, budget)
         if not out:
             return Flood(blocked=True, proof=tuple(self.obstacles[bit] for bit in cover(walls.tolist())))
         if count < 0:
             return Flood(blocked=False)
         steps_back(queue, count, steps)
+        ends = np.stack([queue[count - 1], np.array(steps.shape) - 1 - queue[count - 1]])
+        side, axis = np.unravel_index(int(ends.argmin()), ends.shape)
         cells = queue[np.unique(np.linspace(0, count - 1, min(count, self.config.max_lead)).astype(int))]
-        return Flood(blocked=False, cells=cells, steps=steps[cells[:, 0], cells[:, 1], cells[:, 2]])
+        steps = steps[cells[:, 0], cells[:, 1], cells[:, 2]]
+        return Flood(blocked=False, cells=cells, steps=steps, rim=(int(side), int(axis)))
 
     def distances(self, flood: Flood, offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the lattice steps from displacements to the way out that the flood found, 0 past the rim.
@@ -134,11 +161,11 @@ class Space:
 
         0 where nothing does: then the travel to the rim.
         """
-        if not self._labels.size:
+        if self._scene is None:
             return np.inf, 0
         start = self.rotation @ offset / self.spacing + self.window[0]
         along = self.rotation @ direction
-        steps, mask = cast(self._points, self._owners, self._labels, self._known, start, along, self._bits_of(others))
+        steps, mask = cast(self._scene, self._labels, self._known, start, along, self._bits_of(others))
         return steps * self.spacing, sum(1 << self.obstacles[bit] for bit in bits(mask))
 
     def _bits_of(self, others: int) -> int:
@@ -146,7 +173,7 @@ class Space:
         wanted = sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1)
         return wanted & ~int(self._inside)
 
-    def _fill(
+    def _draw(
         self,
         blocking: Blocking,
         part: int,
@@ -154,29 +181,24 @@ class Space:
         corner: Float[np.ndarray, "3"],
         count: Int[np.ndarray, "3"],
         boxes: Float[np.ndarray, "part 2 3"],
-    ) -> None:
-        """Draw the shrunk part and the shrunk obstacles."""
+    ) -> Scene | None:
+        """Draw the shrunk part and the shrunk obstacles; None if nothing is left of the part."""
         h, config = self.spacing, self.config
         half = 0.25 * np.sqrt(3.0) * h * (1.0 + 1e-6)
         share = config.tolerance * blocking.sizes[part]
         solid = eroded_lattice(
             own, blocking.faces(part), origin=corner, spacing=h, shape=tuple(count.tolist()), radius=half + share
         )
-        shell = solid.copy()
-        inner = solid[1:-1, 1:-1, 1:-1]
-        for axis in range(3):
-            for shift in (-1, 1):
-                inner = inner & np.roll(solid, shift, axis)[1:-1, 1:-1, 1:-1]
-        shell[1:-1, 1:-1, 1:-1] &= ~inner
-        points = np.argwhere(shell).astype(np.int32)
-        if len(points) > config.max_points:
-            points = points[np.linspace(0, len(points) - 1, config.max_points).astype(int)]
-        self._points = points
+        if not solid.any():
+            return None
+        scene = SceneBuilder(solid, np.array(self._labels.shape), max_points=config.max_points)
         origin = corner - self.window[0] * h
-        for bit, other in enumerate(self.obstacles):
+        shape = count + self._labels.shape - 1
+        for other in self.obstacles:
             first = np.maximum(np.floor((boxes[other, 0] - origin) / h).astype(int), 0)
-            last = np.minimum(np.ceil((boxes[other, 1] - origin) / h).astype(int) + 1, self._owners.shape)
+            last = np.minimum(np.ceil((boxes[other, 1] - origin) / h).astype(int) + 1, shape)
             if (last <= first).any():
+                scene.add(np.zeros((0, 0, 0), np.bool_), first)
                 continue
             depth = config.tolerance * min(blocking.sizes[part], blocking.sizes[other])
             depth += blocking.allowances[part, other]
@@ -184,8 +206,8 @@ class Space:
                 blocking.vertices(other) @ self.rotation.T, blocking.faces(other), origin=origin + first * h, spacing=h,
                 shape=tuple((last - first).tolist()), radius=half + max(2.0 * depth - share, 0.0),
             )  # fmt: skip
-            view = self._owners[first[0] : last[0], first[1] : last[1], first[2] : last[2]]
-            view[drawn] |= 1 << bit
+            scene.add(drawn, first)
+        return scene.finished()
 
 
 def cover(walls: list[int]) -> list[int]:

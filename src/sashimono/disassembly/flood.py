@@ -2,25 +2,67 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from jaxtyping import Bool, Int
 from numba import njit
 
 
+class Scene(NamedTuple):
+    """A part and its obstacles as lattice points, for the kernels.
+
+    Whether the part, moved to a cell, meets obstacle b is told by the points ``start[b]`` to ``start[b + 1]``: points
+    of the part that are looked up among the obstacles, or the other way round, whichever are fewer.
+    """
+
+    points: Int[np.ndarray, "point 3"]
+    start: Int[np.ndarray, "obstacle_1"]
+    is_own: Bool[np.ndarray, "obstacle"]
+    """Whether an obstacle's points are the part's, not its own."""
+    boxes: Int[np.ndarray, "obstacle 2 3"]
+    """First and last cell of displacement at which the boxes of part and obstacle meet."""
+    owners: Int[np.ndarray, "x y z"]
+    """Obstacles (bits) at each lattice point."""
+    solid: Bool[np.ndarray, "x y z"]
+    """The part's lattice points, from its own corner."""
+
+
 @njit(cache=True, nogil=True)
-def label(points, owners, cell, labels, known):  # pragma: no cover - compiled
+def label(scene, cell, labels, known):  # pragma: no cover - compiled
     """Return the obstacles (bits) that a part, moved to a cell of the displacement lattice, runs into."""
     i, j, k = cell
     if not known[i, j, k]:
         mask = 0
-        for p in range(points.shape[0]):
-            mask |= owners[points[p, 0] + i, points[p, 1] + j, points[p, 2] + k]
+        for b in range(scene.is_own.shape[0]):
+            box = scene.boxes[b]
+            if i < box[0, 0] or j < box[0, 1] or k < box[0, 2] or i > box[1, 0] or j > box[1, 1] or k > box[1, 2]:
+                continue
+            if _meets(scene, b, i, j, k):
+                mask |= 1 << b
         labels[i, j, k] = mask
         known[i, j, k] = True
     return labels[i, j, k]
 
 
 @njit(cache=True, nogil=True)
-def explore(points, owners, labels, known, start, obstacles, steps, queue, budget):
+def _meets(scene, b, i, j, k):  # pragma: no cover - compiled
+    points = scene.points
+    if scene.is_own[b]:
+        for p in range(scene.start[b], scene.start[b + 1]):
+            if scene.owners[points[p, 0] + i, points[p, 1] + j, points[p, 2] + k] >> b & 1:
+                return True
+        return False
+    nx, ny, nz = scene.solid.shape
+    for p in range(scene.start[b], scene.start[b + 1]):
+        x, y, z = points[p, 0] - i, points[p, 1] - j, points[p, 2] - k
+        if 0 <= x < nx and 0 <= y < ny and 0 <= z < nz and scene.solid[x, y, z]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def explore(scene, labels, known, start, obstacles, steps, queue, budget):
     # pragma: no cover - compiled
     """Look for a way from ``start`` to the rim of the displacement lattice past the obstacles (bits).
 
@@ -60,7 +102,7 @@ def explore(points, owners, labels, known, start, obstacles, steps, queue, budge
                     near = (x * shape[1] + y) * shape[2] + z
                     if steps[x, y, z] >= 0:
                         continue
-                    mask = label(points, owners, (x, y, z), labels, known) & obstacles
+                    mask = label(scene, (x, y, z), labels, known) & obstacles
                     if mask != 0:
                         new = True
                         for m in range(count_walls):
@@ -110,7 +152,7 @@ def steps_back(queue, count, steps):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def cast(points, owners, labels, known, start, direction, obstacles):  # pragma: no cover - compiled
+def cast(scene, labels, known, start, direction, obstacles):  # pragma: no cover - compiled
     """Return the steps along a unit direction to the first cell labelled with one of the obstacles, and its label.
 
     No label (0) if the line leaves the lattice before: then the steps to its rim. ``start`` is in lattice
@@ -124,7 +166,7 @@ def cast(points, owners, labels, known, start, direction, obstacles):  # pragma:
         k = int(np.floor(start[2] + travel * direction[2] + 0.5))
         if i <= 0 or j <= 0 or k <= 0 or i >= shape[0] - 1 or j >= shape[1] - 1 or k >= shape[2] - 1:
             return travel, 0
-        mask = label(points, owners, (i, j, k), labels, known) & obstacles
+        mask = label(scene, (i, j, k), labels, known) & obstacles
         if mask != 0:
             return travel, mask
         travel += 0.4

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking
+from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.body import mutual_depth
 from sashimono.geometry.screw import Screw, adjoint, between, march_screw
@@ -208,3 +209,14 @@ class Paths:
         self.traced += len(probes)
         second = march_screw(self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options)
         return scale * second if np.isfinite(second) else first
+
+
+def hit_by_path(blocking: Blocking, part: int, removal: Removal, among: Sequence[int], *, tolerance: float) -> int:
+    """Return the mask of the parts that a removal by any motion runs into; tolerance as for `Paths`."""
+    mask = 0
+    for other in among:
+        paths = Paths(blocking, part, [other], tolerance=tolerance)
+        displacements = removal.displacements
+        if not paths.check(displacements) or paths.exit(displacements[-1], removal.exit_direction) is None:
+            mask |= 1 << other
+    return mask

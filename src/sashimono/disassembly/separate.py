@@ -9,7 +9,6 @@ larger sets fail free.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -20,6 +19,8 @@ from sashimono.assembly import Assembly
 from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
 from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.contacts import ContactNormals, escape_directions, immobile_margin
+from sashimono.disassembly.enumeration import Said, enumerate_clauses
+from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.physics import PhysicsConfig, search_physics
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation import TranslationConfig, TranslationSearch
@@ -42,9 +43,11 @@ class SeparateConfig:
     """The same, where contacts are to prove that a part is held."""
     escape_samples: int = 2000
     """Directions looked at when a way out is read off the contacts."""
-    max_queries: int = 1
+    max_queries: int = 64
     """Sets of obstacles that the later stages are asked about for one part's removal conditions, the largest first:
     1, only all other parts; 0, none. Where more would have been asked, the conditions say that they were cut short."""
+    max_undecided: int = 1000
+    """Sets of obstacles waiting to be asked, for one part, at once; beyond, too, they are cut short."""
     proof_margin: float = 0.1
     """Sine of the angle by which every direction must run into a touching surface to prove that no
     translation exists; covers the spacing of the directions looked at."""
@@ -57,6 +60,8 @@ class Separation:
     answer: Answer
     removal: Removal | None = None
     """The witness, where the answer is FREE."""
+    hits: int = 0
+    """Parts that were not among the obstacles and that it would run into (a mask)."""
     signed: int | None = None
     """Its direction in the blocking relation, where it is one of them."""
     stage: str = ""
@@ -79,7 +84,7 @@ class Cascade:
         self.threads = Threads(self.blocking, config=config.unscrew)
         self._held: dict[int, list[int]] = {}
         self._failed: dict[int, list[tuple[int, int, Separation]]] = {}
-        self._found: dict[int, list[tuple[int, Separation]]] = {}
+        self._found: dict[int, list[Separation]] = {}
         self._resting: dict[int, list[tuple[int, Separation]]] = {}
 
     def single(
@@ -122,8 +127,8 @@ class Cascade:
         it: other sets are answered from there.
         """
         others = remaining & ~(1 << part)
-        for blockers, separation in self._found.get(part, []):
-            if not blockers & others:
+        for separation in self._found.get(part, []):
+            if not separation.hits & others:
                 return separation
         for cause, known, separation in self._failed.get(part, []):
             if cause & ~others == 0 and (separation.answer is Answer.PROVEN_BLOCKED or others & ~known == 0):
@@ -131,8 +136,8 @@ class Cascade:
         separation = self._ask_further(part, others)
         if separation.removal is not None:
             absent = bits(self.blocking.all_parts & ~others & ~(1 << part))
-            blockers = self.translations.hit_by(part, separation.removal, absent)
-            self._found.setdefault(part, []).append((blockers, separation))
+            separation = replace(separation, hits=self.translations.hit_by(part, separation.removal, absent))
+            self._found.setdefault(part, []).append(separation)
         else:
             cause = sum(1 << k for k in separation.blocked_by)
             self._failed.setdefault(part, []).append((cause, others, separation))
@@ -152,9 +157,10 @@ class Cascade:
                 return separation
         found = search_physics(self.blocking, part, bits(others), config=self.config.physics)
         if found.removal is not None:
-            separation = Separation(answer=Answer.FREE, removal=found.removal, stage="physics")
-            absent = self.blocking.all_parts & ~others & ~(1 << part)  # any of these may be in its way
-            self._found.setdefault(part, []).append((absent, separation))
+            absent = bits(self.blocking.all_parts & ~others & ~(1 << part))
+            hits = hit_by_path(self.blocking, part, found.removal, absent, tolerance=self.config.physics.tolerance)
+            separation = Separation(answer=Answer.FREE, removal=found.removal, hits=hits, stage="physics")
+            self._found.setdefault(part, []).append(separation)
             return separation
         blocked_by = known.blocked_by or found.blocked_by
         separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {found.reason}")
@@ -172,56 +178,48 @@ class Cascade:
     def conditions(self) -> RemovalConditions:
         """Return every part's removal conditions, each clause with its witness.
 
-        Single translations first. Then the later stages are asked of the largest sets that no clause
-        covers, until each is either covered or known to hold the part (at most ``max_queries`` a part).
+        Single translations first. Then the later stages are asked of the largest sets that neither a clause nor a
+        proof decides (at most ``max_queries`` a part). A part that another one holds by itself, whatever else is
+        gone, may turn its way out: physics is asked of such a pair.
         """
         clauses, cut_short = [], []
         for part in range(len(self.blocking)):
             witness = self._single_clauses(part)
-            is_complete = self._complete(part, witness)
-            if not witness and len(self.blocking) > 1:
-                # nothing frees it by translations, whatever is gone: it may turn its way out
-                separation = self.pushed(part, self.blocking.all_parts)
-                if separation.removal is not None:
-                    witness, is_complete = {0: separation.removal}, True
-            if not is_complete:
+            if not self._complete(part, witness):
                 cut_short.append(part)
             clauses.append(tuple(Clause(blockers=mask, removal=witness[mask]) for mask in minimal(witness)))
         return RemovalConditions(names=self.assembly.names, clauses=tuple(clauses), cut_short=tuple(cut_short))
 
     def _complete(self, part: int, witness: dict[int, Removal]) -> bool:
-        """Add the clauses of the later stages to a part's; return whether these are all, provably.
+        """Add the clauses of the later stages to a part's; return whether these are all, provably, by translations."""
 
-        For translations; not so where a set was left unasked, or asked and neither freed nor proven.
-
-        A set that holds the part is left behind by dropping one of the parts that cause it: every set
-        that does not hold the part lacks one of them, so this comes to all of them, largest first.
-        """
-        queries = 0
-        is_proven = True
-        everything = self.blocking.all_parts & ~(1 << part)
-        queue = deque([everything])
-        seen = {everything}
-        while queue:
-            others = queue.popleft()
-            covering = next((mask for mask in witness if not mask & others), None)
-            if covering is not None:
-                continue
-            if queries == self.config.max_queries:
-                return False
-            queries += 1
+        def ask(others: int) -> Said:
             separation = self.further(part, others | 1 << part)
             if separation.removal is not None:
-                absent = bits(everything & ~others)
-                witness[self.translations.hit_by(part, separation.removal, absent)] = separation.removal
-                continue
-            is_proven &= separation.answer is Answer.PROVEN_BLOCKED
-            for cause in separation.blocked_by:
-                fewer = others & ~(1 << cause)
-                if fewer not in seen:
-                    seen.add(fewer)
-                    queue.append(fewer)
-        return is_proven
+                witness[separation.hits] = separation.removal
+                return Said(clause=separation.hits)
+            core = sum(1 << k for k in separation.blocked_by)
+            return Said(core=core, is_proven=separation.answer is Answer.PROVEN_BLOCKED)
+
+        config = self.config
+        everything = self.blocking.all_parts & ~(1 << part)
+        found = enumerate_clauses(
+            everything, witness, ask, max_queries=config.max_queries, max_open=config.max_undecided
+        )
+        for core in found.cores:
+            if core.bit_count() == 1:
+                self._turn_out(part, core, witness)
+        return found.is_complete
+
+    def _turn_out(self, part: int, holder: int, witness: dict[int, Removal]) -> None:
+        """Add the clauses by which physics frees a part from one that holds it: of both alone, then of all parts."""
+        for remaining in (holder | 1 << part, self.blocking.all_parts):
+            if any(not mask & remaining for mask in witness):
+                return
+            separation = self.pushed(part, remaining)
+            if separation.removal is None:
+                return
+            witness[separation.hits] = separation.removal
 
     def _single_clauses(self, part: int) -> dict[int, Removal]:
         """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
@@ -250,13 +248,13 @@ class Cascade:
 
     def _ask_further(self, part: int, others: int) -> Separation:
         table, config = self.blocking, self.config
-        normals, touching = self._contacts.of(part, others)
-        directions, margin = escape_directions(normals, samples=config.escape_samples)
+        contacts = self._contacts.of(part, others, samples=config.escape_samples)
+        directions, margin = escape_directions(contacts, samples=config.escape_samples)
         for direction in directions:
             if all(np.isinf(table.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
                 return self._straight(part, others, direction, signed=None, stage="contacts")
         if margin < -config.proof_margin:
-            needed = immobile_margin(normals, touching, samples=config.escape_samples, margin=config.proof_margin)
+            needed = immobile_margin(contacts, margin=config.proof_margin)
             return Separation(
                 answer=Answer.PROVEN_BLOCKED,
                 stage="contacts",

@@ -16,8 +16,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
+from sashimono.disassembly.caging import Cages
 from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
 from sashimono.disassembly.halts import Levels, halts
+from sashimono.disassembly.legs import Legs
 from sashimono.disassembly.removal import Removal
 
 
@@ -70,6 +72,8 @@ class TranslationSearch:
         self.config = config
         self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
         self._spaces: dict[tuple[int, int], Space] = {}
+        self._cages = Cages(blocking, config=config.space)
+        self._legs: Legs | None = None
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
@@ -79,20 +83,34 @@ class TranslationSearch:
             space = self._space(part, level)
             flood = space.flood(mask)
             if flood.blocked:
-                return TranslationResult(
-                    removal=None,
-                    proven=True,
-                    blocked_by=flood.proof,
-                    reason="proven for translations of this part alone: "
-                    "its configuration space has no way out past these parts",
-                )
+                return _proven(flood.proof)
             led.append((space, flood))
+        # fine lattices cost more than the search, but once drawn, they answer other sets of obstacles at once
+        orders = (self._caged, self._led) if self._cages.knows(part) else (self._led, self._caged)
+        found = TranslationResult(removal=None)
+        for ask in orders:
+            answer = ask(part, others, led)
+            if answer.proven or answer.removal is not None:
+                return answer
+            found = answer if answer.reason else found
+        return found
+
+    def _caged(self, part: int, others: Sequence[int], _: list[tuple[Space, Flood]]) -> TranslationResult:
+        proof = self._cages.prove(part, sum(1 << other for other in others))
+        return TranslationResult(removal=None) if proof is None else _proven(proof)
+
+    def _led(self, part: int, others: Sequence[int], led: list[tuple[Space, Flood]]) -> TranslationResult:
         found = TranslationResult(removal=None)
         for space, flood in (led[-1], led[0]):  # the finest lattice is the most faithful, the coarsest sees farthest
-            found = _BestFirst(self.blocking, self._levels, part, others, space, flood, self.config).run()
+            found = _BestFirst(self._legs_of(part), self._levels, others, space, flood, self.config).run()
             if found.removal is not None:
                 break
         return found
+
+    def _legs_of(self, part: int) -> Legs:
+        if self._legs is None or self._legs.part != part:
+            self._legs = Legs(self.blocking, part, _lines(self.blocking, part, self.config.max_directions))
+        return self._legs
 
     def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
         """Return the mask of the parts that a removal by translations runs into."""
@@ -125,21 +143,21 @@ class _BestFirst:
 
     def __init__(
         self,
-        blocking: Blocking,
+        legs: Legs,
         levels: Levels,
-        part: int,
         others: Sequence[int],
         space: Space,
         flood: Flood,
         config: TranslationConfig,
     ) -> None:
-        self.blocking, self.part, self.others = blocking, part, list(others)
+        self.legs = legs
+        self.blocking, self.part, self.others = legs.blocking, legs.part, list(others)
+        blocking, part = self.blocking, self.part
         self.space, self.flood, self.config = space, flood, config
         self.mask = sum(1 << other for other in others)
         self.cell = config.least_travel * float(blocking.sizes[part])
         self.least = config.least_leg * float(blocking.sizes[part])
-        self.lines = _lines(blocking, part, config.max_directions)
-        self.signed = np.stack([self.lines, -self.lines], axis=1).reshape(-1, 3)
+        self.lines, self.signed = legs.lines, legs.signed
         self.differences = levels.differences(part, others, self.lines)
         self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
         self.seen: set[tuple[int, ...]] = set()
@@ -158,7 +176,7 @@ class _BestFirst:
             end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
             if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
                 continue
-            travel, stopper = self._travel(path[-1], direction, length)
+            travel, stopper = self.legs.travel(path[-1], signed, length, self.others, enough=self.cell)
             traced += int(travel > self.least)
             if stopper is None and np.isinf(length):
                 return TranslationResult(removal=self._removal(path, direction), legs=traced)
@@ -218,21 +236,6 @@ class _BestFirst:
     def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
         return tuple(np.round(place / self.cell).astype(int).tolist())
 
-    def _travel(
-        self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float
-    ) -> tuple[float, int | None]:
-        """How far the part goes from an offset, up to a length, and the obstacle that stops it there if one does."""
-        shortest, stopper = length, None
-        for meeting, other in self.blocking.met(self.part, offset, direction, self.others):
-            if meeting >= shortest:
-                break
-            travel = self.blocking.travel(self.part, offset, direction, other, length=shortest)
-            if travel < shortest:
-                shortest, stopper = travel, other
-                if shortest < self.cell:
-                    break
-        return shortest, stopper
-
     def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:
         blocking = self.blocking
         back = blocking.world_bounds_along(self.part, direction)[0] + float(path[-1] @ direction)
@@ -242,6 +245,16 @@ class _BestFirst:
         displacements[1:-1, :3, 3] = np.array(path[1:]).reshape(-1, 3)
         displacements[-1, :3, 3] = end
         return Removal(displacements=displacements, exit_direction=direction)
+
+
+def _proven(parts: tuple[int, ...]) -> TranslationResult:
+    return TranslationResult(
+        removal=None,
+        proven=True,
+        blocked_by=parts,
+        reason="proven for translations of this part alone: "
+        "its configuration space has no way out past these parts",
+    )
 
 
 def _lines(blocking: Blocking, part: int, most: int) -> Float[np.ndarray, "line 3"]:

@@ -1,0 +1,50 @@
+"""Proofs on fine lattices: the part is caged near its assembled pose, by as small a window as shows it.
+
+A proof needs no more of the configuration space than what the flood reaches. So the lattice starts narrow, grows only
+on the side where the flood comes out, and can be as fine as thin walls need.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sashimono.disassembly.blocking import Blocking
+from sashimono.disassembly.cspace import Space, SpaceConfig
+
+
+class Cages:
+    """Proofs for one part at a time. What was asked before makes an answer faster, never another."""
+
+    def __init__(self, blocking: Blocking, *, config: SpaceConfig) -> None:
+        self._blocking = blocking
+        self._config = config
+        self._part = -1
+        self._spaces: dict[tuple[float, tuple[int, ...]], Space] = {}
+
+    def knows(self, part: int) -> bool:
+        """Return whether lattices of this part are at hand."""
+        return part == self._part
+
+    def prove(self, part: int, others: int) -> tuple[int, ...] | None:
+        """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
+        if part != self._part:
+            self._part = part
+            self._spaces.clear()
+        for resolution in self._config.proof_resolutions:
+            window = np.full((2, 3), self._config.proof_window)
+            while True:
+                space = self._space(resolution, window)
+                flood = space.flood(others, max_visited=self._config.max_proof_visited)
+                if flood.blocked:
+                    return flood.proof
+                if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
+                    break  # nothing left of the part, out of budget, or really out
+                window = window.copy()
+                window[flood.rim] *= 2
+        return None
+
+    def _space(self, resolution: float, window: np.ndarray) -> Space:
+        key = (resolution, tuple(window.ravel().tolist()))
+        if key not in self._spaces:
+            self._spaces[key] = Space(self._blocking, self._part, resolution, config=self._config, window=window)
+        return self._spaces[key]
