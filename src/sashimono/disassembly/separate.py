@@ -107,16 +107,13 @@ class Cascade:
     def unscrewed(self, part: int, remaining: int) -> Separation:
         """Return the removal by the screw of a thread that the part shares with another, if that frees it."""
         others = remaining & ~(1 << part)
-        for blockers, separation in self._found.get(part, []):
-            if separation.stage == "thread" and not blockers & others:
+        for separation in self._found.get(part, []):
+            if separation.stage == "thread" and not separation.hits & others:
                 return separation
         if not any(held & ~others == 0 for held in self._held.get(part, [])):
             removal = search_unscrew(self.threads, part, bits(others))
             if removal is not None:
-                separation = Separation(answer=Answer.FREE, removal=removal, stage="thread")
-                absent = self.blocking.all_parts & ~others & ~(1 << part)  # any of these may be in its way
-                self._found.setdefault(part, []).append((absent, separation))
-                return separation
+                return self._remembered(part, others, removal, stage="thread")
             self._held.setdefault(part, []).append(others)
         return Separation(answer=Answer.UNKNOWN, stage="thread", reason="no thread found that it leaves by")
 
@@ -157,14 +154,18 @@ class Cascade:
                 return separation
         found = search_physics(self.blocking, part, bits(others), config=self.config.physics)
         if found.removal is not None:
-            absent = bits(self.blocking.all_parts & ~others & ~(1 << part))
-            hits = hit_by_path(self.blocking, part, found.removal, absent, tolerance=self.config.physics.tolerance)
-            separation = Separation(answer=Answer.FREE, removal=found.removal, hits=hits, stage="physics")
-            self._found.setdefault(part, []).append(separation)
-            return separation
+            return self._remembered(part, others, found.removal, stage="physics")
         blocked_by = known.blocked_by or found.blocked_by
         separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {found.reason}")
         self._resting.setdefault(part, []).append((others, separation))
+        return separation
+
+    def _remembered(self, part: int, others: int, removal: Removal, *, stage: str) -> Separation:
+        """A motion that frees a part, with those of the absent parts that it would hit; kept for other sets."""
+        absent = bits(self.blocking.all_parts & ~others & ~(1 << part))
+        hits = hit_by_path(self.blocking, part, removal, absent, tolerance=self.config.physics.tolerance)
+        separation = Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=stage)
+        self._found.setdefault(part, []).append(separation)
         return separation
 
     def touching(self, part: int) -> int:
