@@ -1,9 +1,10 @@
 """The cascade: can this part leave the remaining ones, and by which motion?
 
 Each stage is asked only what the one before left open. Blocking tries single translations along the
-assembly's directions; then the screw of a thread that the part shares with another; then directions taken
-from the part's own contacts; then several translations in a row; then pushes simulated with contact and friction, which turn parts out too. A "no" is
-remembered with the parts it was found among, so that larger sets fail free.
+assembly's directions; then the screw of a thread that the part shares with another; then directions
+taken from the part's own contacts; then several translations in a row; then pushes simulated with
+contact and friction, which turn parts out too. A "no" is remembered with the parts it was found
+among, so that larger sets fail free.
 """
 
 from __future__ import annotations
