@@ -19,6 +19,7 @@ from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step,
 from sashimono.verify import VerifyConfig, VerifyReport, verify_file, verify_plan
 from sashimono.verify.body import Body
 from sashimono.verify.compound import Compound
+from sashimono.verify.overlap import intersection
 
 MM = 1e-3
 SOURCE = Source(path="here", sha256="5a", unit="mm")
@@ -473,3 +474,14 @@ def test_the_sign_of_a_distance_is_right_beside_needle_triangles(truth_folder: A
     near = nut.vertices_part[rng.integers(0, len(nut.vertices_part), 400)] + rng.normal(0.0, 1e-4, (400, 3))
     inside = igl.winding_number(nut.vertices_part, nut.faces.astype(np.int64), near) > 0.5
     np.testing.assert_array_equal(body.distance(near) < 0.0, inside)
+
+
+def test_how_deep_a_peg_is_in_solid_material_is_seen_between_its_corners() -> None:
+    block, peg = (trimesh.creation.box(extents=extents) for extents in ((40.0, 20.0, 20.0), (4.0, 4.0, 60.0)))
+    bodies = [
+        Body(name, np.array(mesh.vertices), np.array(mesh.faces), samples=500)
+        for name, mesh in (("peg", peg), ("block", block))
+    ]
+    assert intersection(bodies[0], bodies[1], np.eye(4)).depth == pytest.approx(10.0, rel=0.05)
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [0.0, 0.0, 11.0]])
+    np.testing.assert_array_equal(bodies[1].contains(points), bodies[1].distance(points) < 0.0)
