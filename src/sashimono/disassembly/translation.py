@@ -21,6 +21,8 @@ from sashimono.disassembly.cspace import Flood, Space, SpaceConfig
 from sashimono.disassembly.halts import Levels, halts
 from sashimono.disassembly.legs import Legs
 from sashimono.disassembly.removal import Removal
+from sashimono.geometry import se3
+from sashimono.geometry.overlap import intersection_depth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +50,11 @@ class TranslationConfig:
     """What another leg costs, in steps of the configuration space's lattice."""
     max_spaces: int = 6
     """Configuration spaces kept."""
+    booleans: int = 8
+    """Poses on each leg of a way out in which the bodies shared with each obstacle are looked at: samples of large
+    plain faces are too far apart to see a thin wall."""
+    boolean_points: int = 1000
+    """Points of each shared body that are looked at."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,6 +161,7 @@ class _BestFirst:
         self.blocking, self.part, self.others = legs.blocking, legs.part, list(others)
         blocking, part = self.blocking, self.part
         self.space, self.flood, self.config = space, flood, config
+        self.boxes = blocking.boxes_in(np.eye(3))
         self.mask = sum(1 << other for other in others)
         self.cell = config.least_travel * float(blocking.sizes[part])
         self.least = config.least_leg * float(blocking.sizes[part])
@@ -179,7 +187,10 @@ class _BestFirst:
             travel, stopper = self.legs.travel(path[-1], signed, length, self.others, enough=self.cell)
             traced += int(travel > self.least)
             if stopper is None and np.isinf(length):
-                return TranslationResult(removal=self._removal(path, direction), legs=traced)
+                removal = self._removal(path, direction)
+                if self._holds(removal):
+                    return TranslationResult(removal=removal, legs=traced)
+                continue
             if stopper is None:
                 self._expand([*path, end])
                 continue
@@ -235,6 +246,35 @@ class _BestFirst:
 
     def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
         return tuple(np.round(place / self.cell).astype(int).tolist())
+
+    def _holds(self, removal: Removal) -> bool:
+        """Whether exact bodies go no deeper than traced samples may, in some poses of each leg."""
+        blocking = self.blocking
+        for start, stop in pairwise(removal.displacements[:, :3, 3]):
+            for u in (np.arange(self.config.booleans) + 0.5) / self.config.booleans:
+                offset = (1.0 - u) * start + u * stop
+                for other in self._around(offset):
+                    T = se3.inverse(blocking.poses[other]) @ se3.make(None, offset) @ blocking.poses[self.part]
+                    depth = intersection_depth(
+                        blocking.bodies[self.part], blocking.bodies[other], T, max_points=self.config.boolean_points
+                    )
+                    if depth is not None and depth > self._tolerated(other):
+                        self.met.add(other)
+                        return False
+        return True
+
+    def _around(self, offset: Float[np.ndarray, "3"]) -> list[int]:
+        """The obstacles whose boxes the part's box meets at an offset."""
+        low, high = self.boxes[self.part] + offset
+        boxes = self.boxes[self.others]
+        meets = ((boxes[:, 0] < high) & (boxes[:, 1] > low)).all(axis=1)
+        return [other for other, is_near in zip(self.others, meets, strict=True) if is_near]
+
+    def _tolerated(self, other: int) -> float:
+        """The depth that a plan may have [m]."""
+        sizes = self.blocking.sizes
+        share = self.config.space.tolerance * float(min(sizes[self.part], sizes[other]))
+        return share + float(self.blocking.allowances[self.part, other])
 
     def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:
         blocking = self.blocking

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
+from manifold3d import Error, Manifold, Mesh64
 from scipy.spatial import ConvexHull, QhullError
 
 from sashimono.geometry import mesh, se3
@@ -95,6 +96,12 @@ class Body:
     def collider(self) -> Collider:
         """The surface as a collision object."""
         return Collider(self.vertices, self.faces, self.signed_distance)
+
+    @cached_property
+    def solid(self) -> Manifold | None:
+        """The part as an exact solid for booleans; None if its surface does not bound one."""
+        solid = Manifold(Mesh64(np.array(self.vertices), np.array(self.faces, np.uint64)))
+        return solid if solid.status() == Error.NoError else None
 
     def center_world(self, T_world_part: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3"]:
         """Return where the centre is at this pose [m]."""

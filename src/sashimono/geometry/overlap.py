@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
-from manifold3d import Error, Manifold, Mesh64
 
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
@@ -26,10 +25,9 @@ def intersection_depth(
     deeper than the best by ``accuracy`` times the smaller body's smallest extent, the most promising ``batch`` at a
     time, up to ``max_points`` looked at.
     """
-    solids = [Manifold(Mesh64(np.array(b.vertices), np.array(b.faces, np.uint64))) for b in (first, second)]
-    if any(solid.status() != Error.NoError for solid in solids):
+    if first.solid is None or second.solid is None:
         return None
-    common = solids[0].transform(np.ascontiguousarray(T_second_first[:3])) ^ solids[1]
+    common = first.solid.transform(np.ascontiguousarray(T_second_first[:3])) ^ second.solid
     if common.is_empty() or common.volume() <= 0.0:
         return 0.0
     T_first_second = se3.inverse(T_second_first)
