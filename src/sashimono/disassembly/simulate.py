@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.disassembly.alignments import alignments
 from sashimono.disassembly.friction import Contacts, sliding_twist
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
@@ -51,6 +52,8 @@ class SimulateConfig:
     """Stretches of one push, but for those that follow a known screw unhindered."""
     max_confirmed: int = 120
     """Stretches of one push that follow a known screw unhindered."""
+    halts: int = 4
+    """Poses within one turning stretch, with faces parallel to an obstacle's, at which an exit is tried."""
     centering: int = 2
     """Gauss-Newton steps that fit the part between its contacts after a stretch."""
 
@@ -103,6 +106,8 @@ def simulate(
         short = short + 1 if u * paths.rate(poses[-1], twist) < config.least_advance * paths.size else 0
         if u == 0.0:
             continue
+        if (turned := _exit_on_the_way(paths, poses[-1], u * twist, config)) is not None:
+            return _finished([*poses, *turned[0]], turned[1], met, stretches)
         reached, contacts = _centered(paths, poses[-1], se3.exp(u * twist) @ poses[-1], config)
         poses.append(reached)
         helix.follow(between(poses[-2], reached), contacts)
@@ -114,6 +119,22 @@ def simulate(
         if any(paths.distance(reached, pose) < config.least_advance * paths.size for pose in poses[:-1]):
             break  # once around
     return _finished(poses, None, met, stretches)
+
+
+def _exit_on_the_way(
+    paths: Paths, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"], config: SimulateConfig
+) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "3"]] | None:
+    """Where on a turn the part leaves along the axis, past the others then, and the direction; None if nowhere."""
+    directions = _along(twist)
+    if not directions:
+        return None
+    for u in alignments(paths, D, twist, most=config.halts):
+        pose = se3.exp(u * twist) @ D
+        for direction in directions:
+            end = paths.exit(pose, direction)
+            if end is not None:
+                return [pose, end], direction
+    return None
 
 
 class _Helix:
