@@ -150,6 +150,7 @@ def refuted(assembly: Assembly, found: DisassemblyResult) -> list[str]:
         name = assembly.names[departure.part]
         remaining.remove(name)
         removal = departure.separation.removal
+        assert removal is not None, "what left has a way out"
         path = Screws.between(removal.displacements[::-1] @ poses[name])
         for other in remaining:
             finding = check_pair(

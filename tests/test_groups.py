@@ -243,9 +243,10 @@ def test_the_files_show_all_members(plan: AssemblyPlan, tmp_path: Path) -> None:
     front, back = PARTS.index("front"), PARTS.index("back")
     last = scene["steps"][-1]
     assert last["moving"] == [front, back]
-    assert [inner["part"] for inner in last["inside"]] == [
-        PARTS.index(name) for name in plan.steps[-1].subassembly.order
-    ]
+    inside = plan.steps[-1].subassembly
+    assert inside is not None
+    shown = [(step["label"], step["part"]) for step in scene["steps"] if step["depth"] == 1]
+    assert shown == [(f"3.{k + 1}", PARTS.index(name)) for k, name in enumerate(inside.order)]
     assert all(row["solved"] for row in scene["parts"])
     offsets = explosion_offsets(plan, PARTS, ViewConfig())
     np.testing.assert_array_equal(offsets["front"], offsets["back"])

@@ -99,6 +99,29 @@ def test_marching_along_a_screw_stops_where_the_distance_says() -> None:
     np.testing.assert_allclose(se3.exp(between(np.eye(4), T)), T, atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_marching_along_a_screw_agrees_with_looking_everywhere(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    block = box((0.04, 0.03, 0.02)) - rod(0.006, 0.05, segments=24)
+    field = make_bodies(assembly(wall=block))["wall"].signed_distance
+    limit, step, looks = 1e-4, 2e-4, 800
+    for start in rng.uniform(-0.03, 0.03, (6, 3)):
+        twist = np.concatenate([rng.uniform(-0.02, 0.02, 3), rng.uniform(-1.0, 1.0, 3)])
+        if seed % 2:  # in the hole, along its facets
+            start, twist = np.append(0.0059 * np.array([np.cos(start[0]), np.sin(start[0])]), 0.0), np.zeros(6)
+            twist[3:] = [0.0, 0.0, rng.uniform(0.5, 2.0)]
+        path = np.array([se3.apply(se3.exp(u * twist), start[None])[0] for u in np.linspace(0.0, 1.0, looks)])
+        deep = np.flatnonzero(-field.query(path) > limit)
+        found = march_screw(field, start[None], twist, limit=limit, least_step=step)
+        if not len(deep):
+            assert np.isinf(found)
+        elif np.isfinite(found):
+            slack = 2.0 * step / np.linalg.norm(np.diff(path, axis=0), axis=1).sum() + 1.0 / looks
+            assert deep[0] / looks - 1.0 / looks <= found <= deep[0] / looks + slack
+        else:  # only what is deep for less than a step is jumped
+            assert np.linalg.norm(path[deep[-1]] - path[deep[0]]) < step
+
+
 @pytest.mark.parametrize("angle", [0.3, 0.7])
 def test_a_block_pushed_sideways_slides_out_of_a_slanted_slot(angle: float) -> None:
     parts = slanted_slot(angle)
@@ -140,6 +163,18 @@ def test_a_bayonet_turns_then_leaves_wherever_it_stands(seed: int) -> None:
     np.testing.assert_allclose(np.abs(T[:3, :3].T @ removal.exit_direction), [0.0, 0.0, 1.0], atol=0.02)
 
 
+@pytest.mark.parametrize("degrees", [25.0, 41.0])
+def test_a_bayonet_that_could_turn_on_leaves_where_its_lugs_meet_the_slot(degrees: float) -> None:
+    lugs = box((0.02, 0.004, 0.004))
+    slot = box((0.0202, 0.0042, 0.015), (0.0, 0.0, 0.0075))
+    hole = rod(0.0062, 0.06, segments=96) + slot + rod(0.0102, 0.0044, segments=96)
+    socket = rod(0.015, 0.02, segments=96) - hole
+    plug = rod(0.006, 0.04, segments=96) + lugs.rotate((0.0, 0.0, degrees))
+    removal = searched(assembly(socket=socket, plug=plug), "plug").removal
+    assert removal is not None
+    assert abs(removal.exit_direction[2]) == pytest.approx(1.0, abs=1e-3)
+
+
 @pytest.mark.parametrize("name", ["snapfit", "thread_clr0"])
 def test_the_truth_set_says_the_same(name: str, truth_folder: Path) -> None:
     parts = read_assembly(truth_folder / name, unit="mm")
@@ -169,6 +204,27 @@ def test_algorithm1_is_the_same_for_any_number_of_workers(monotone: bool) -> Non
         assert a is not None
         assert b is not None
         np.testing.assert_array_equal(a.displacements, b.displacements)
+
+
+def test_algorithm1_says_which_budget_ran_out_and_tells_of_each_part_that_left() -> None:
+    parts = linked_rings()
+    table = blocking_of(parts, SampleConfig(area_samples=300))
+    results = [
+        plan_disassembly(table, config=Algorithm1Config(max_traced=20_000, max_attempts=400, workers=workers))
+        for workers in (1, 2)
+    ]
+    reasons = [[separation.reason for _, separation in result.stuck] for result in results]
+    assert reasons[0] == reasons[1] == ["Algorithm 1 ran out of its budget of 20000 points traced"]
+
+    told = []
+    pegs = assembly(
+        plate=box((0.1, 0.04, 0.02)) - rod(0.005, 0.04, (-0.03, 0.0, 0.0)) - rod(0.005, 0.04, (0.03, 0.0, 0.0)),
+        left=rod(0.005, 0.02, (-0.03, 0.0, 0.0)),
+        right=rod(0.005, 0.02, (0.03, 0.0, 0.0)),
+    )
+    result = plan_disassembly(blocking_of(pegs), config=Algorithm1Config(), progress=told.append)
+    assert len(result.removals) == 2
+    assert told == [1, 2]
 
 
 def test_algorithm1_asks_whether_a_robot_can() -> None:

@@ -8,12 +8,13 @@ drift are taken up by fitting the part back between its contacts after each stre
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.disassembly.alignments import alignments
 from sashimono.disassembly.friction import Contacts, sliding_twist
+from sashimono.disassembly.helix import Helix
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.slippage import SlippageConfig, find_contacts, snapped, spatial_twist
@@ -51,6 +52,8 @@ class SimulateConfig:
     """Stretches of one push, but for those that follow a known screw unhindered."""
     max_confirmed: int = 120
     """Stretches of one push that follow a known screw unhindered."""
+    halts: int = 4
+    """Poses within one turning stretch, with faces parallel to an obstacle's, at which an exit is tried."""
     centering: int = 2
     """Gauss-Newton steps that fit the part between its contacts after a stretch."""
 
@@ -84,7 +87,7 @@ def simulate(
     Lengths are over the part's radius, so that a unit force and a unit torque move its far points alike. Every
     stretch in the answer has been checked.
     """
-    poses, met, helix = [D], set(), _Helix(config)
+    poses, met, helix = [D], set(), Helix(config.turn)
     stretches = short = confirmed = 0
     while stretches < config.max_stretches and confirmed < config.max_confirmed and short < 2:
         twists = _responses(paths, poses[-1], push, helix, config)
@@ -103,6 +106,8 @@ def simulate(
         short = short + 1 if u * paths.rate(poses[-1], twist) < config.least_advance * paths.size else 0
         if u == 0.0:
             continue
+        if (turned := _exit_on_the_way(paths, poses[-1], u * twist, config)) is not None:
+            return _finished([*poses, *turned[0]], turned[1], met, stretches)
         reached, contacts = _centered(paths, poses[-1], se3.exp(u * twist) @ poses[-1], config)
         poses.append(reached)
         helix.follow(between(poses[-2], reached), contacts)
@@ -116,49 +121,20 @@ def simulate(
     return _finished(poses, None, met, stretches)
 
 
-class _Helix:
-    """The screw that all turning stretches so far agree on: their mean, each weighed by its contacts.
-
-    Stretches of one helix have one spatial twist, wherever on it they begin.
-    """
-
-    def __init__(self, config: SimulateConfig) -> None:
-        self._turn = config.turn
-        self.twist: np.ndarray | None = None
-        """The mean twist of a whole stretch; None before there is one."""
-        self._sum = np.zeros(6)
-        self._weight = 0.0
-        self._others = False
-
-    def follow(self, twist: Float[np.ndarray, "6"], contacts: int) -> None:
-        """Take in a stretch, and the number of contacts by which its end was fitted."""
-        turn = float(np.linalg.norm(twist[3:]))
-        if turn < 0.02 * self._turn:
-            self._others = True
-        else:
-            self._sum = self._sum + contacts * twist
-            self._weight += contacts * turn
-            self.twist = self._sum * (self._turn / self._weight) if self._weight > 0.0 else None
-
-    def smoothed(
-        self, paths: Paths, poses: list[np.ndarray], direction: Float[np.ndarray, "3"]
-    ) -> tuple[list[np.ndarray], Float[np.ndarray, "3"]] | None:
-        """The poses, all stretches replaced by the mean one, an exit along its axis at the end; None if it hits.
-
-        If it can, the part follows the screw for one stretch more: out of the last turn, straight exits graze.
-        """
-        twist = self.twist
-        if twist is None or self._others:
-            return None
-        axis = _unit(twist[3:])
-        direction = axis if float(axis @ direction) > 0.0 else -axis
-        turn = sum(float(np.linalg.norm(between(a, b)[3:])) for a, b in pairwise(poses)) / self._turn
-        for whole, count in ((turn + 1.0, len(poses)), (turn, len(poses) - 1)):
-            smooth = [se3.exp(twist * (k * whole / count)) @ poses[0] for k in range(count + 1)]
-            end = paths.exit(smooth[-1], direction)
-            if end is not None and paths.check(np.array(smooth)):
-                return [*smooth, end], direction
+def _exit_on_the_way(
+    paths: Paths, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"], config: SimulateConfig
+) -> tuple[list[Float[np.ndarray, "4 4"]], Float[np.ndarray, "3"]] | None:
+    """Where on a turn the part leaves along the axis, past the others then, and the direction; None if nowhere."""
+    directions = _along(twist)
+    if not directions:
         return None
+    for u in alignments(paths, D, twist, most=config.halts):
+        pose = se3.exp(u * twist) @ D
+        for direction in directions:
+            end = paths.exit(pose, direction)
+            if end is not None:
+                return [pose, end], direction
+    return None
 
 
 def _finished(
@@ -173,7 +149,7 @@ def _responses(
     paths: Paths,
     D: Float[np.ndarray, "4 4"],
     push: Float[np.ndarray, "6"],
-    helix: _Helix,
+    helix: Helix,
     config: SimulateConfig,
 ) -> list[Float[np.ndarray, "6"]]:
     """The screws that the part may follow now, likeliest first: whole stretches, spatial, world frame; none at rest.
