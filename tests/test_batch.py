@@ -10,6 +10,7 @@ import solids
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
+from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.batch import BatchConfig, BatchSimulator, Push
 from sashimono.disassembly.blocking import Blocking, BlockingConfig
 from sashimono.disassembly.paths import Paths
@@ -72,3 +73,13 @@ def test_a_device_that_is_not_there_is_named() -> None:
     blocking = Blocking(assembly, make_bodies(assembly), config=BlockingConfig())
     with pytest.raises(SashimonoError, match="cuda:99"):
         BatchSimulator(blocking, config=BatchConfig(), device="cuda:99")
+
+
+@pytest.mark.parametrize("together", [1, 512])
+def test_algorithm1_takes_the_assembly_apart_on_a_device(together: int) -> None:
+    assembly = solids.box_with_lid()
+    blocking = Blocking(assembly, make_bodies(assembly), config=BlockingConfig())
+    result = plan_disassembly(blocking, config=Algorithm1Config(device="cpu", together=together))
+    assert result.stuck == ()
+    assert len(result.removals) == 2
+    assert next(departure.part for departure in result.removals) != assembly.names.index("content")

@@ -118,14 +118,21 @@ def plan(
     unit: Unit = None,
     seed: Seed = 0,
     method: Annotated[str, typer.Option(help="how removals are found: cascade, or physics (Algorithm 1)")] = "cascade",
+    device: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="with --method physics: simulate on this Warp device (cuda:0, cpu)"),
+    ] = None,
     gripper: Annotated[str, typer.Option(metavar="NAME", help="a gripper's name, or auto: in proportion")] = "auto",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
 ) -> int:
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
         raise SashimonoError(f"--method {method} is not in this version. Choose one of: {', '.join(METHODS)}.")
+    if device is not None and method != "physics":
+        raise SashimonoError(f"--device {device} is for --method physics. Leave it out, or choose that method.")
     _refuse_unwritable(out)
-    return _plan_and_write(source, out, unit=unit, seed=seed, method=method, gripper=gripper, contacts=contacts)
+    options = {"method": method, "device": device, "gripper": gripper, "contacts": contacts}
+    return _plan_and_write(source, out, unit=unit, seed=seed, **options)
 
 
 @app.command()
@@ -269,12 +276,14 @@ def _plan_and_write(
     unit: str | None,
     seed: int,
     method: str = "cascade",
+    device: str | None = None,
     gripper: str = "auto",
     contacts: bool = True,
     copy_input: bool = False,
 ) -> int:
     from sashimono.console import progress_display, summary_lines
     from sashimono.contact.gripper import named_gripper
+    from sashimono.disassembly.algorithm1 import Algorithm1Config
     from sashimono.io.read import read_assembly
     from sashimono.pipeline import PipelineConfig, plan_assembly
 
@@ -284,7 +293,10 @@ def _plan_and_write(
         typer.echo(f"note: {note}", err=True)
     with progress_display() as progress:
         config = PipelineConfig(
-            method=cast("Literal['cascade', 'physics']", method), gripper=gripper, contacts=contacts
+            method=cast("Literal['cascade', 'physics']", method),
+            algorithm1=Algorithm1Config(device=device),
+            gripper=gripper,
+            contacts=contacts,
         )
         found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
     _write(found, assembly, out, copied=source if copy_input else None)

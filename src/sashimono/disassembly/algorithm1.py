@@ -8,7 +8,7 @@ states are novel by the set that remains and the pose of the part under way.
 A state's pushes wait in rounds, each with one push of every part. An attempt is not simulated again while all parts
 that it touched remain: it would end the same way, to the bit. With several workers, attempts that wait are simulated
 before it is their turn; what came of them is taken in in the order of the queue all the same, or never, so workers
-change nothing but the time.
+change nothing but the time. On a device of NVIDIA Warp (`batch`), waiting attempts are stepped together by the hundred.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from itertools import islice, zip_longest
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.disassembly.batch import BatchConfig, BatchSimulator, Push
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.physics import PhysicsConfig, pushes_at
@@ -54,6 +55,12 @@ class Algorithm1Config:
     batch: int = 4
     """Attempts for each of several workers that are simulated before it is their turn; changes the time only. A part
     that leaves makes them vain, so never more than did not take a part out since the last one left."""
+    device: str | None = None
+    """Warp device on which pushes are stepped in time, many at once (``"cuda:0"``, ``"cpu"``); None: event by event."""
+    stepped: BatchConfig = field(default_factory=BatchConfig)
+    """Steps and contact model on that device."""
+    together: int = 512
+    """Waiting attempts stepped together on that device; changes the time only."""
     monotone: bool = True
     """Drop all states in which a part remains that is known to leave. Fewer obstacles never block a motion, so no
     answer is lost; without it the queue grows exponentially with the parts, as printed."""
@@ -152,6 +159,9 @@ class _Search:
         self._known: dict[_Key, _Outcome] = {}
         self._ahead: dict[_Key, Future[_Outcome]] = {}
         self._met: dict[int, set[int]] = {}
+        self._stepper = (
+            None if config.device is None else BatchSimulator(blocking, config=config.stepped, device=config.device)
+        )
 
     @property
     def spent(self) -> str:
@@ -174,7 +184,9 @@ class _Search:
         self._sets.add(best.remaining)
         self.enqueue(best)
         while self.queue and best.remaining.bit_count() > 1 and not self.spent:
-            if pool is not None:
+            if self._stepper is not None:
+                self.step_together(self._stepper)
+            elif pool is not None:
                 self.simulate_ahead(pool)
             attempt = self.queue.popleft()
             reached = self.take_in(attempt, self.outcome(attempt))
@@ -203,9 +215,29 @@ class _Search:
     def simulate_ahead(self, pool: Executor) -> None:
         """Have the attempts that wait first simulated by the workers."""
         for attempt in islice(self.queue, min(self.in_row, self.config.batch * self.config.workers)):
-            known = self._known.get(attempt.key)
-            if attempt.key not in self._ahead and not (known and known.holds(attempt.state.remaining)):
+            if self.is_open(attempt):
                 self._ahead[attempt.key] = pool.submit(self.simulate, attempt)
+
+    def step_together(self, stepper: BatchSimulator) -> None:
+        """If the attempt that waits first is not known, step it and the next ones, on the device."""
+        if not self.is_open(self.queue[0]):
+            return
+        waiting = [attempt for attempt in islice(self.queue, self.config.together) if self.is_open(attempt)]
+        pushes = []
+        for attempt in waiting:
+            others = tuple(bits(attempt.state.remaining & ~(1 << attempt.part)))
+            at = attempt.state.way[-1]
+            pushes.append(Push(part=attempt.part, others=others, displacement=at, wrench=attempt.push))
+        for attempt, simulated in zip(waiting, stepper.simulate(pushes), strict=True):
+            remaining = attempt.state.remaining
+            outcome: Future[_Outcome] = Future()
+            outcome.set_result(_Outcome(simulated=simulated, remaining=remaining, touched=remaining, traced=0))
+            self._ahead[attempt.key] = outcome
+
+    def is_open(self, attempt: _Attempt) -> bool:
+        """Whether nobody has begun to work out what it leads to."""
+        known = self._known.get(attempt.key)
+        return attempt.key not in self._ahead and not (known and known.holds(attempt.state.remaining))
 
     def forget_ahead(self) -> None:
         """Call off what no worker has begun."""
