@@ -79,12 +79,13 @@ def main() -> None:
     left_out = [path.name for assembly, path in loaded if len(assembly) > options.max_parts]
     T = se3.make(Rotation.random(rng=np.random.default_rng(options.seed)).as_matrix())
     rows: list[dict] = []
+    taken_on = machine()  # now: what is committed while this runs is not what runs
     for assembly, path in loaded:
         if len(assembly) <= options.max_parts:
             for row in measure(path, assembly, T, variants, options.max_traced):
                 rows.append(row)
                 print(*(row[key] for key in KEYS), sep=" | ", flush=True)
-            content = {"machine": machine(), "max traced": options.max_traced, "left out": left_out, "runs": rows}
+            content = {"machine": taken_on, "max traced": options.max_traced, "left out": left_out, "runs": rows}
             write_json(options.json, content)
     print("\n" + table(SUMMARY, [*summary(rows), *((*row, "", "", "", "") for row in PAPER)]))
     print(f"\nleft out, more than {options.max_parts} parts: {', '.join(left_out) or 'none'}")
