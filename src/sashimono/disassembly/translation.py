@@ -252,8 +252,7 @@ def _proven(parts: tuple[int, ...]) -> TranslationResult:
         removal=None,
         proven=True,
         blocked_by=parts,
-        reason="proven for translations of this part alone: "
-        "its configuration space has no way out past these parts",
+        reason="proven for translations of this part alone: its configuration space has no way out past these parts",
     )
 
 
