@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from sashimono.geometry import mesh, polygons, se3, topology
 from sashimono.geometry.shapes import identical_shapes
+from sashimono.verify.body import Body as VerifyBody
 
 
 def arrays(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
@@ -152,3 +153,24 @@ def test_symmetric_shapes_and_near_copies():
         meshes += [(vertices, faces), (se3.apply(T, vertices[order]), np.argsort(order)[faces])]
     longer = rod[0] * [1.0, 1.0, 1.002]
     assert identical_shapes([*meshes, (longer, rod[1])]) == ((0, 1), (2, 3))
+
+
+@settings(max_examples=30, deadline=None)
+@given(T=poses(), sides=st.sampled_from([3, 4, 5, 6, 8, 32]), height=st.sampled_from([0.2, 1.0, 3.0]))
+def test_extents_do_not_depend_on_how_a_symmetric_part_lies(T, sides, height):
+    """Equal moments leave the inertia axes to rounding; the tolerances of a plan must not."""
+    vertices, faces = arrays(Manifold.cylinder(height, 1.0, 1.0, sides))
+    turned = se3.apply(T, vertices)
+    still, moved = mesh.inertia_extents(vertices, faces), mesh.inertia_extents(turned, faces)
+    np.testing.assert_allclose(np.sort(moved), np.sort(still), rtol=1e-6)
+    seen = VerifyBody("prism", turned, faces, samples=100).smallest_extent
+    assert seen == pytest.approx(VerifyBody("prism", vertices, faces, samples=100).smallest_extent, rel=1e-6)
+    assert seen == pytest.approx(still.min(), rel=1e-6)
+
+
+@settings(max_examples=10, deadline=None)
+@given(T=poses())
+def test_extents_of_a_cube_are_its_sides(T):
+    vertices, faces = box()
+    cube = vertices / [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(mesh.inertia_extents(se3.apply(T, cube), faces), [1.0, 1.0, 1.0], rtol=1e-6)

@@ -159,8 +159,8 @@ def conditions(
         Path | None, typer.Option("--graph", metavar="FILE", help="also write the AND/OR graph of subassemblies")
     ] = None,
     thorough: Annotated[
-        int, typer.Option(min=0, metavar="N", help="sets a part for which several translations are searched too")
-    ] = 1,
+        int, typer.Option(min=0, metavar="N", help="sets a part for which more than one translation is searched")
+    ] = 64,
     unit: Unit = None,
     seed: Seed = 0,
 ) -> int:

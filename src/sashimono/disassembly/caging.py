@@ -30,17 +30,19 @@ class Cages:
         if part != self._part:
             self._part = part
             self._spaces.clear()
+        left = self._config.max_proof_work
         for resolution in self._config.proof_resolutions:
             window = np.full((2, 3), self._config.proof_window)
-            while True:
+            while left > 0:
                 space = self._space(resolution, window)
+                left -= space.cells
                 flood = space.flood(others, max_visited=self._config.max_proof_visited)
                 if flood.blocked:
                     return flood.proof
                 if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
                     break  # nothing left of the part, out of budget, or really out
                 window = window.copy()
-                window[flood.rim] *= 2
+                window[flood.rim] *= self._config.proof_growth
         return None
 
     def _space(self, resolution: float, window: np.ndarray) -> Space:

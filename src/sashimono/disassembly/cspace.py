@@ -34,6 +34,10 @@ class SpaceConfig:
     """The same for lattices that only prove, where all of the above leak: thin walls, small screws in large parts."""
     proof_window: int = 6
     """Steps around the assembled pose with which a proof begins; it grows where the flood reaches the rim."""
+    proof_growth: int = 3
+    """How much it grows at once on that side."""
+    max_proof_work: int = 4_000_000
+    """Lattice points of all lattices looked at for one proof."""
     max_cells: int = 1_500_000
     """Most lattice points around the part; the window of displacements is cut to fit."""
     max_proof_cells: int = 2_000_000
@@ -103,6 +107,8 @@ class Space:
         """Whether the rim of the lattice is not the way out yet."""
         shape = self.window.sum(axis=0) + 1
         fits = np.prod(shape + count - 1) <= most
+        self.cells = int(np.prod(shape + count - 1)) if fits else 0
+        """Lattice points around the part, 0 if that is too many."""
         self._labels = np.zeros(tuple(int(n) for n in shape) if fits else (0, 0, 0), np.int64)
         self._known = np.zeros(self._labels.shape, np.bool_)
         self._scene: Scene | None = None

@@ -40,18 +40,25 @@ class Enumeration:
 
 
 def enumerate_clauses(
-    everything: int, known: Iterable[int], ask: Callable[[int], Said], *, max_queries: int, max_open: int
+    everything: int,
+    known: Iterable[int],
+    ask: Callable[[int], Said],
+    *,
+    max_queries: int,
+    max_unproven: int,
+    max_undecided: int,
 ) -> Enumeration:
     """Return the minimal clauses over a mask of other parts, starting from some that are known.
 
-    ``ask`` is given the obstacles. It is asked the largest undecided sets first, at most ``max_queries`` times; more
-    than ``max_open`` undecided sets at once are given up, the smallest sets of obstacles first.
+    ``ask`` is given the obstacles. It is asked the largest undecided sets first, at most ``max_queries`` times, and
+    until ``max_unproven`` of the answers are neither motion nor proof; of more than ``max_undecided`` undecided sets at
+    once, the smallest are given up.
     """
     clauses, cores = minimal(known), []
     undecided = [] if 0 in clauses else [0]
-    is_complete, queries = True, 0
+    is_complete, queries, unproven = True, 0, 0
     while undecided:
-        if queries == max_queries:
+        if queries == max_queries or unproven == max_unproven:
             is_complete = False
             break
         absent = min(undecided, key=lambda mask: (mask.bit_count(), mask))
@@ -63,12 +70,13 @@ def enumerate_clauses(
             undecided = [mask for mask in undecided if said.clause & ~mask]
             continue
         is_complete &= said.is_proven
+        unproven += not said.is_proven
         core = said.core & ~absent or everything & ~absent
         cores.append(core)
         undecided = _hitting(undecided, core, clauses)
-        if len(undecided) > max_open:
+        if len(undecided) > max_undecided:
             is_complete = False
-            undecided = undecided[:max_open]
+            undecided = undecided[:max_undecided]
     return Enumeration(clauses=tuple(clauses), cores=tuple(cores), is_complete=is_complete, queries=queries)
 
 

@@ -7,6 +7,11 @@ from jaxtyping import Bool, Int
 
 from sashimono.disassembly.flood import Scene
 
+_BLOCK = 4
+"""Lattice points along a block: what decides which points can meet need not be finer."""
+_CANDIDATES = 16
+"""Points looked at for each that is kept."""
+
 
 class SceneBuilder:
     """Takes in obstacles one by one and keeps, of each pair, the side with fewer points that can meet at all.
@@ -44,14 +49,12 @@ class SceneBuilder:
             own = _within(own, theirs.min(axis=0) - self._reach, theirs.max(axis=0))
             theirs = _within(theirs, self._low, self._high + self._reach)
             if min(len(own), len(theirs)) > self._most:
+                own, theirs = _thinned(own, _CANDIDATES * self._most), _thinned(theirs, _CANDIDATES * self._most)
                 own = own[_any_within(_summed(drawn), own - first, own - first + self._reach)]
                 self._table = _summed(self._solid) if self._table is None else self._table
                 theirs = theirs[_any_within(self._table, theirs - self._reach, theirs)]
             is_own = len(own) <= len(theirs)
-        chosen = own if is_own and len(theirs) else theirs
-        if len(chosen) > self._most:
-            chosen = chosen[np.linspace(0, len(chosen) - 1, self._most).astype(int)]
-        self._points.append(chosen)
+        self._points.append(_thinned(own if is_own and len(theirs) else theirs, self._most))
         self._is_own.append(is_own)
         self._boxes.append(box)
 
@@ -86,20 +89,28 @@ def _within(
 
 
 def _summed(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "x1 y1 z1"]:
-    """How many points of a solid come before each place along all three axes."""
-    table = np.zeros(tuple(n + 1 for n in solid.shape), np.int32)
-    table[1:, 1:, 1:] = solid.cumsum(axis=0, dtype=np.int32).cumsum(axis=1).cumsum(axis=2)
+    """How many blocks of lattice points that hold one of a solid come before each block along all three axes."""
+    blocks = solid
+    for axis in range(3):
+        blocks = np.logical_or.reduceat(blocks, np.arange(0, blocks.shape[axis], _BLOCK), axis=axis)
+    table = np.zeros(tuple(n + 1 for n in blocks.shape), np.int32)
+    table[1:, 1:, 1:] = blocks.cumsum(axis=0, dtype=np.int32).cumsum(axis=1).cumsum(axis=2)
     return table
 
 
 def _any_within(
     table: Int[np.ndarray, "x1 y1 z1"], low: Int[np.ndarray, "box 3"], high: Int[np.ndarray, "box 3"]
 ) -> Bool[np.ndarray, "box"]:
-    """Whether a solid, by its summed table, has a point in each box, both ends included."""
+    """Whether a solid, by its summed table, may have a point in each box, both ends included; to the block."""
     shape = np.array(table.shape) - 1
-    ends = np.stack([np.clip(low, 0, shape), np.clip(high + 1, 0, shape)])
+    ends = np.stack([np.clip(low // _BLOCK, 0, shape), np.clip(high // _BLOCK + 1, 0, shape)])
     total = np.zeros(len(low), np.int64)
     for corner in np.ndindex(2, 2, 2):
         x, y, z = (ends[side, :, axis] for axis, side in enumerate(corner))
         total += (-1) ** (3 - sum(corner)) * table[x, y, z].astype(np.int64)
     return total > 0
+
+
+def _thinned(points: Int[np.ndarray, "point 3"], most: int) -> Int[np.ndarray, "_ 3"]:
+    """Evenly many of the points, at most so many."""
+    return points if len(points) <= most else points[np.linspace(0, len(points) - 1, most).astype(int)]

@@ -46,6 +46,8 @@ class SeparateConfig:
     max_queries: int = 64
     """Sets of obstacles that the later stages are asked about for one part's removal conditions, the largest first:
     1, only all other parts; 0, none. Where more would have been asked, the conditions say that they were cut short."""
+    max_unproven: int = 4
+    """The same for sets of which neither a motion nor a proof is found: each costs a whole search."""
     max_undecided: int = 1000
     """Sets of obstacles waiting to be asked, for one part, at once; beyond, too, they are cut short."""
     proof_margin: float = 0.1
@@ -204,9 +206,8 @@ class Cascade:
 
         config = self.config
         everything = self.blocking.all_parts & ~(1 << part)
-        found = enumerate_clauses(
-            everything, witness, ask, max_queries=config.max_queries, max_open=config.max_undecided
-        )
+        budgets = {"max_unproven": config.max_unproven, "max_undecided": config.max_undecided}
+        found = enumerate_clauses(everything, witness, ask, max_queries=config.max_queries, **budgets)
         for core in found.cores:
             if core.bit_count() == 1:
                 self._turn_out(part, core, witness)

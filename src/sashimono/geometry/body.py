@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from sashimono.geometry import mesh, se3
 from sashimono.geometry.collision import Collider
+from sashimono.geometry.extents import principal_extents
 from sashimono.geometry.signed_distance import SignedDistance
 
 
@@ -50,8 +51,9 @@ class Body:
         self.radius = mesh.radius(vertices, self.center)
         """Distance of the farthest point from `center` [m]."""
         self.mass_properties = mesh.mass_properties(vertices, faces)
-        self.extents = np.sort(np.ptp(vertices @ self.mass_properties.axes, axis=0))
-        """Extents along the inertia axes [m], ascending."""
+        mass = self.mass_properties
+        self.extents = np.sort(principal_extents(vertices, mass.moments, mass.axes))
+        """Extents along the inertia axes [m], ascending; of the smallest box where these are not determined."""
         self.samples, self.sample_normals, _ = mesh.sample_surface(vertices, faces, config.area_samples, rng)
         corners = vertices
         if len(corners) > config.max_vertices:

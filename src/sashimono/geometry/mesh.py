@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from sashimono.geometry.extents import principal_extents
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MassProperties:
@@ -78,8 +80,12 @@ def mass_properties(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarr
 def inertia_extents(
     vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]
 ) -> Float[np.ndarray, "3"]:
-    """Return the extents [m] of the vertices along the principal axes, in the order of the moments."""
-    return np.ptp(vertices @ mass_properties(vertices, faces).axes, axis=0)
+    """Return the extents [m] of the vertices along the principal axes, in the order of the moments.
+
+    Of equal moments, those of the smallest box: see `principal_extents`.
+    """
+    mass = mass_properties(vertices, faces)
+    return principal_extents(vertices, mass.moments, mass.axes)
 
 
 def smallest_extent(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> float:

@@ -9,9 +9,11 @@ import igl
 import manifold3d
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import ConvexHull, QhullError
 
 _FANOUT = 8
 _WALL_RAYS = 600
+_EQUAL_SPREADS = 1e-3  # relative difference under which a solid's spreads along two axes do not tell these apart
 _ON_FEATURE = 1e-9  # distance, over the size, below which a closest point counts as lying on an edge or corner
 
 
@@ -48,8 +50,7 @@ class Body:
         self.low, self.high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         self.size = float(np.linalg.norm(self.high - self.low))
         self.volume, self.center_of_mass, covariance = _moments(self.vertices[self.faces])
-        axes = np.linalg.eigh(covariance)[1]
-        self.smallest_extent = float(np.ptp((self.vertices - self.center_of_mass) @ axes, axis=0).min())
+        self.smallest_extent = _smallest_extent(self.vertices - self.center_of_mass, covariance)
         self._samples = samples
         self._aabb = igl.AABB()
         self._aabb.init(self.vertices, self.faces)
@@ -164,6 +165,23 @@ def _moments(triangles: Float[np.ndarray, "face 3 3"]) -> tuple[float, np.ndarra
     sums = corners.sum(axis=1)
     second = np.einsum("n,nci,ncj->ij", volumes, corners, corners) + np.einsum("n,ni,nj->ij", volumes, sums, sums)
     return volume, reference + center, second / (20.0 * volume) - np.outer(center, center)
+
+
+def _smallest_extent(points: Float[np.ndarray, "n 3"], covariance: Float[np.ndarray, "3 3"]) -> float:
+    """Return the smallest extent along the principal axes; where equal spreads leave these open, over all of them."""
+    spreads, axes = np.linalg.eigh(covariance)
+    along = points @ axes
+    spans = np.ptp(along, axis=0)
+    low, high = np.diff(spreads) < _EQUAL_SPREADS * spreads[2]
+    if not (low or high):
+        return float(spans.min())
+    open_axes = [0, 1, 2] if low and high else [0, 1] if low else [1, 2]
+    try:
+        sides = ConvexHull(along[:, open_axes]).equations[:, :-1]
+    except QhullError:  # flat: nothing to choose
+        return float(spans.min())
+    fixed = [spans[axis] for axis in range(3) if axis not in open_axes]
+    return float(min([np.ptp(along[:, open_axes] @ side) for side in np.unique(np.round(sides, 7), axis=0)] + fixed))
 
 
 def _pseudonormals(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "face 7 3"]:

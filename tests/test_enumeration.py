@@ -1,0 +1,85 @@
+"""Clauses by duality: all of them, with few questions, and honest where the budget ends."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sashimono.disassembly.clauses import minimal
+from sashimono.disassembly.enumeration import Said, enumerate_clauses
+
+PARTS = 6
+BUDGETS = {"max_queries": 1000, "max_unproven": 1000, "max_undecided": 1000}
+masks = st.integers(0, (1 << PARTS) - 1)
+
+
+def oracle(truth: list[int], asked: list[int], *, generous: bool):
+    """Answers from the true clauses; cores as large as they may be, or minimal."""
+
+    def ask(others: int) -> Said:
+        assert others not in asked, "no set is asked twice"
+        asked.append(others)
+        free = [clause for clause in truth if not clause & others]
+        if free:
+            return Said(clause=free[0])
+        core = others
+        for k in range(PARTS):
+            if not generous and all(clause & core & ~(1 << k) for clause in truth):
+                core &= ~(1 << k)
+        return Said(core=core)
+
+    return ask
+
+
+@given(truth=st.lists(masks, max_size=6), known=st.lists(st.integers(0, 5), max_size=3), generous=st.booleans())
+def test_all_minimal_clauses_are_found(truth: list[int], known: list[int], generous: bool) -> None:
+    everything = (1 << PARTS) - 1
+    truth = minimal([*truth, everything])
+    asked: list[int] = []
+    start = [truth[k] for k in known if k < len(truth)]
+    found = enumerate_clauses(everything, start, oracle(truth, asked, generous=generous), **BUDGETS)
+    assert list(found.clauses) == truth
+    assert found.is_complete
+    assert found.queries == len(asked)
+    for core in found.cores:
+        assert all(core & clause for clause in truth)
+    if not generous:
+        assert found.queries <= len(truth) + len(found.cores)
+
+
+def test_what_the_budget_leaves_open_is_said() -> None:
+    ask = oracle([0b000111, 0b111000], [], generous=False)
+    for budget in ({"max_queries": 1}, {"max_undecided": 1}):
+        found = enumerate_clauses(63, [63], ask, **BUDGETS | budget)
+        assert not found.is_complete
+        ask = oracle([0b000111, 0b111000], [], generous=False)
+
+
+def test_answers_without_proof_are_never_complete() -> None:
+    found = enumerate_clauses(0b11, [0b11], lambda others: Said(core=others, is_proven=False), **BUDGETS)
+    assert found.clauses == (0b11,)
+    assert not found.is_complete
+    once = enumerate_clauses(63, [63], lambda others: Said(core=1, is_proven=False), **BUDGETS | {"max_unproven": 1})
+    assert (once.queries, once.is_complete) == (1, False)
+
+
+def test_a_clause_that_needs_more_gone_than_was_gone_is_refused() -> None:
+    with pytest.raises(AssertionError):
+        enumerate_clauses(0b11, [], lambda others: Said(clause=0b11), **BUDGETS)
+
+
+def test_twenty_screws_cost_twenty_questions() -> None:
+    """A lid leaves when all screws are gone, or its box: each screw holds it with the box, and that is all."""
+    everything = (1 << 21) - 1
+    box, screws = 1 << 20, (1 << 20) - 1
+
+    def ask(others: int) -> Said:
+        if not others & box:
+            return Said(clause=box)
+        held = others & screws
+        return Said(clause=screws) if not held else Said(core=box | (held & -held))
+
+    found = enumerate_clauses(everything, [box], ask, **BUDGETS)
+    assert list(found.clauses) == [box, screws]
+    assert found.queries == 21
+    assert np.all([core.bit_count() == 2 for core in found.cores])
