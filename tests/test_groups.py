@@ -14,7 +14,7 @@ from sashimono.bodies import make_body, merge_parts
 from sashimono.console import summary_lines
 from sashimono.contact import ContactConfig
 from sashimono.geometry import se3
-from sashimono.geometry.union import unite
+from sashimono.geometry.solid import unite
 from sashimono.io.plan_json import plan_from_json, plan_to_json
 from sashimono.pipeline import PipelineConfig, plan_assembly
 from sashimono.plan import Answer, AssemblyPlan, Contact, Step, Subassembly

@@ -7,13 +7,14 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from manifold3d import Error, Manifold, Mesh64
+from manifold3d import Error, Manifold
 from scipy.spatial import ConvexHull, QhullError
 
 from sashimono.geometry import mesh, se3
 from sashimono.geometry.collision import Collider
 from sashimono.geometry.extents import principal_extents
 from sashimono.geometry.signed_distance import SignedDistance
+from sashimono.geometry.solid import to_manifold
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +103,7 @@ class Body:
     @cached_property
     def solid(self) -> Manifold | None:
         """The part as an exact solid for booleans; None if its surface does not bound one."""
-        solid = Manifold(Mesh64(np.array(self.vertices), np.array(self.faces, np.uint64)))
+        solid = to_manifold(self.vertices, self.faces)
         return solid if solid.status() == Error.NoError else None
 
     def center_world(self, T_world_part: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "3"]:

@@ -7,7 +7,8 @@ from manifold3d import Manifold
 
 from sashimono.assembly import Overlap, Part
 from sashimono.errors import InputError
-from sashimono.io.mend import Surface, close_surface, to_manifold
+from sashimono.geometry.solid import to_manifold
+from sashimono.io.mend import Surface, close_surface
 from sashimono.io.raw import RawPart, ReadConfig
 
 

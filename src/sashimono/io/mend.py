@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from manifold3d import Error, Manifold, Mesh64, OpType
+from manifold3d import Error, Manifold, OpType
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from sashimono.geometry import mesh as measures
 from sashimono.geometry import topology
+from sashimono.geometry.solid import to_manifold
 from sashimono.io.holes import fill_holes
 from sashimono.io.raw import ReadConfig
 
@@ -166,11 +167,6 @@ def _separated(surface: Surface) -> Surface | None:
         return None
     note = (*surface.mended, "edges shared by more than two triangles separated")
     return _from_manifold(solid, note)
-
-
-def to_manifold(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> Manifold:
-    """Return the mesh as a manifold3d solid; its status says whether that worked."""
-    return Manifold(Mesh64(np.array(vertices, np.float64, order="C"), np.array(faces, np.uint64, order="C")))
 
 
 def _from_manifold(solid: Manifold, mended: tuple[str, ...]) -> Surface | None:

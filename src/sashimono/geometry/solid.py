@@ -1,4 +1,4 @@
-"""Several closed surfaces as one."""
+"""Closed surfaces as exact solids, for booleans."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ from jaxtyping import Float, Int
 from manifold3d import Error, Manifold, Mesh64, OpType
 
 
+def to_manifold(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> Manifold:
+    """Return the mesh as a manifold3d solid; its status says whether that worked."""
+    return Manifold(Mesh64(np.array(vertices, np.float64, order="C"), np.array(faces, np.uint64, order="C")))
+
+
 def unite(
     meshes: Sequence[tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]],
 ) -> tuple[Float[np.ndarray, "united 3"], Int[np.ndarray, "united_face 3"]]:
@@ -16,7 +21,7 @@ def unite(
 
     If one of them is no oriented 2-manifold, the meshes are put side by side as they are.
     """
-    solids = [Manifold(Mesh64(np.array(v, np.float64), np.array(f, np.uint64))) for v, f in meshes]
+    solids = [to_manifold(v, f) for v, f in meshes]
     if all(solid.status() == Error.NoError for solid in solids):
         out = Manifold.batch_boolean(solids, OpType.Add).to_mesh64()
         return np.array(out.vert_properties[:, :3]), np.array(out.tri_verts, dtype=np.int32)
