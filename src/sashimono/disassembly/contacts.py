@@ -32,7 +32,7 @@ class ContactNormals:
         return {other: margins for other, margins in found.items() if margins is not None}
 
     def margins(self, part: int, other: int, samples: int) -> Float[np.ndarray, "direction"] | None:
-        """Return, for evenly spread directions, the smallest ``g · d`` over the pair's normals; None without contact."""
+        """Return the smallest ``g · d`` over a pair's normals for evenly spread directions; None without contact."""
         key = (part, other, samples)
         if key not in self._margins:
             normals = self._pair(part, other)
