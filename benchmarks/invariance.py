@@ -32,7 +32,9 @@ def main() -> None:
         print(table(list(rows[-1])[:-1], [list(rows[-1].values())[:-1]]).splitlines()[-1], flush=True)
     write_json(options.json, {"machine": machine(), "variants": options.variants, "assemblies": rows})
     print("\n" + table(list(rows[0])[:-1], (list(row.values())[:-1] for row in rows)))
-    print(f"\nparts with other clauses: {sum(row['differing'] for row in rows)} of {sum(row['compared'] for row in rows)}")
+    print(
+        f"\nparts with other clauses: {sum(row['differing'] for row in rows)} of {sum(row['compared'] for row in rows)}"
+    )
 
 
 def compare(assembly: Assembly, variants: int) -> dict[str, object]:

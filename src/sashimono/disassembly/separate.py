@@ -82,6 +82,7 @@ class Cascade:
         self.translations = TranslationSearch(self.blocking, config=config.translation)
         self._failed: dict[int, list[tuple[int, int, Separation]]] = {}
         self._found: dict[int, list[Separation]] = {}
+        self._turned: dict[tuple[int, int], Removal] = {}
         self._resting: dict[int, list[tuple[int, Separation]]] = {}
 
     def single(
@@ -135,11 +136,7 @@ class Cascade:
                 return separation
         found = search_physics(self.blocking, part, bits(others), config=self.config.physics)
         if found.removal is not None:
-            absent = bits(self.blocking.all_parts & ~others & ~(1 << part))
-            hits = hit_by_path(self.blocking, part, found.removal, absent, tolerance=self.config.physics.tolerance)
-            separation = Separation(answer=Answer.FREE, removal=found.removal, hits=hits, stage="physics")
-            self._found.setdefault(part, []).append(separation)
-            return separation
+            return self._remember_path(part, others, found.removal)
         blocked_by = known.blocked_by or found.blocked_by
         separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {found.reason}")
         self._resting.setdefault(part, []).append((others, separation))
@@ -190,6 +187,9 @@ class Cascade:
 
     def _turn_out(self, part: int, holder: int, witness: dict[int, Removal]) -> None:
         """Add the clauses by which physics frees a part from one that holds it: of both alone, then of all parts."""
+        other = holder.bit_length() - 1
+        if (other, part) in self._turned:  # the two come apart by one relative motion, whichever moves
+            self._remember_path(part, holder, self._turned[other, part].of_the_other())
         for remaining in (holder | 1 << part, self.blocking.all_parts):
             if any(not mask & remaining for mask in witness):
                 return
@@ -197,6 +197,15 @@ class Cascade:
             if separation.removal is None:
                 return
             witness[separation.hits] = separation.removal
+            self._turned.setdefault((part, other), separation.removal)
+
+    def _remember_path(self, part: int, others: int, removal: Removal) -> Separation:
+        """Keep a motion that physics found past these others for all sets of obstacles that it does not hit."""
+        absent = bits(self.blocking.all_parts & ~others & ~(1 << part))
+        hits = hit_by_path(self.blocking, part, removal, absent, tolerance=self.config.physics.tolerance)
+        separation = Separation(answer=Answer.FREE, removal=removal, hits=hits, stage="physics")
+        self._found.setdefault(part, []).append(separation)
+        return separation
 
     def _single_clauses(self, part: int) -> dict[int, Removal]:
         """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
