@@ -86,6 +86,8 @@ class Blocking:
         own = [_lines_of(part, body, config.directions) for part, body in zip(assembly.parts, self.bodies, strict=True)]
         self.part_lines = [lines if len(lines) else np.eye(3) for lines, _ in own]
         """The lines that each part's own surface and inertia give, in the world frame, heaviest first."""
+        self.common_lines = merge_directions(own, config=config.directions)
+        """The lines that all parts give, heaviest first; other than the directions, without the world's axes."""
         self.add_directions(merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions))
 
     def __len__(self) -> int:

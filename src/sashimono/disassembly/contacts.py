@@ -26,13 +26,13 @@ class ContactNormals:
         self._pairs: dict[tuple[int, int], np.ndarray] = {}
         self._margins: dict[tuple[int, int, int], np.ndarray | None] = {}
 
-    def of(self, part: int, others: int, *, samples: int) -> dict[int, Float[np.ndarray, "direction"]]:
+    def of(self, part: int, others: int, *, samples: int) -> dict[int, Float[np.ndarray, "sample"]]:
         """Return the margins of evenly spread directions against each part that touches."""
         found = {other: self.margins(part, other, samples) for other in bits(others)}
         return {other: margins for other, margins in found.items() if margins is not None}
 
-    def margins(self, part: int, other: int, samples: int) -> Float[np.ndarray, "direction"] | None:
-        """Return the smallest ``g · d`` over the pair's normals, for evenly spread directions; None without contact."""
+    def margins(self, part: int, other: int, samples: int) -> Float[np.ndarray, "sample"] | None:
+        """Return the smallest ``g · d`` over a pair's normals for evenly spread directions; None without contact."""
         key = (part, other, samples)
         if key not in self._margins:
             normals = self._pair(part, other)
@@ -99,7 +99,7 @@ def escape_directions(
     return np.array(chosen).reshape(-1, 3), best
 
 
-def immobile_margin(margins: Mapping[int, Float[np.ndarray, "direction"]], *, margin: float) -> Sequence[int]:
+def immobile_margin(margins: Mapping[int, Float[np.ndarray, "sample"]], *, margin: float) -> Sequence[int]:
     """Return a set of parts whose contacts alone prove the part immobile: none can be left out."""
     needed = sorted(margins)
     for part in sorted(margins):

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import frozen_array
+from sashimono.geometry import se3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,3 +41,9 @@ class Removal:
         displacements = np.stack([np.eye(4), np.eye(4)])
         displacements[1, :3, 3] = length * unit
         return cls(displacements=displacements, exit_direction=unit)
+
+    def of_the_other(self) -> Removal:
+        """Return the same motion with the part in place and what it leaves moving instead: two parts come apart."""
+        inverse = np.stack([se3.inverse(D) for D in self.displacements])
+        inverse[0] = np.eye(4)
+        return Removal(displacements=inverse, exit_direction=-(inverse[-1, :3, :3] @ self.exit_direction))

@@ -87,6 +87,7 @@ class Cascade:
         self._held: dict[int, list[int]] = {}
         self._failed: dict[int, list[tuple[int, int, Separation]]] = {}
         self._found: dict[int, list[Separation]] = {}
+        self._turned: dict[tuple[int, int], Removal] = {}
         self._resting: dict[int, list[tuple[int, Separation]]] = {}
 
     def single(
@@ -215,6 +216,9 @@ class Cascade:
 
     def _turn_out(self, part: int, holder: int, witness: dict[int, Removal]) -> None:
         """Add the clauses by which physics frees a part from one that holds it: of both alone, then of all parts."""
+        other = holder.bit_length() - 1
+        if (other, part) in self._turned:  # the two come apart by one relative motion, whichever moves
+            self._remembered(part, holder, self._turned[other, part].of_the_other(), stage="physics")
         for remaining in (holder | 1 << part, self.blocking.all_parts):
             if any(not mask & remaining for mask in witness):
                 return
@@ -222,6 +226,7 @@ class Cascade:
             if separation.removal is None:
                 return
             witness[separation.hits] = separation.removal
+            self._turned.setdefault((part, other), separation.removal)
 
     def _single_clauses(self, part: int) -> dict[int, Removal]:
         """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""

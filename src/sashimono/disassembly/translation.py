@@ -297,9 +297,9 @@ def _proven(parts: tuple[int, ...]) -> TranslationResult:
 
 
 def _lines(blocking: Blocking, part: int, most: int) -> Float[np.ndarray, "line 3"]:
-    """The part's own lines, then the assembly's, without repeats."""
+    """The part's own lines, then those of all parts, without repeats."""
     kept: list[np.ndarray] = []
-    for line in np.concatenate([blocking.part_lines[part], blocking.directions]):
+    for line in np.concatenate([blocking.part_lines[part], blocking.common_lines]):
         if len(kept) < most and all(abs(line @ other) < 0.99996 for other in kept):
             kept.append(line)
     return np.array(kept)

@@ -146,7 +146,7 @@ def _merge(
     _, first, group = np.unique(np.round(lines, 5), axis=0, return_index=True, return_inverse=True)
     totals = np.bincount(group.reshape(-1), weights=weights)
     lines, weights = lines[first], totals
-    order = np.lexsort((*lines.T, -np.round(weights, 9)))
+    order = np.lexsort((first, -np.round(weights, 9)))  # of equal ones the first: coordinates would turn with the part
     lines, weights = lines[order], weights[order]
     kept: list[int] = []
     total: list[float] = []

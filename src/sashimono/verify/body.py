@@ -168,7 +168,7 @@ def _moments(triangles: Float[np.ndarray, "face 3 3"]) -> tuple[float, np.ndarra
 
 
 def _smallest_extent(points: Float[np.ndarray, "n 3"], covariance: Float[np.ndarray, "3 3"]) -> float:
-    """Return the smallest extent along the principal axes; where equal spreads leave these open, over all of them."""
+    """Return the smallest extent along the principal axes; where equal spreads leave them open, the least possible."""
     spreads, axes = np.linalg.eigh(covariance)
     along = points @ axes
     spans = np.ptp(along, axis=0)

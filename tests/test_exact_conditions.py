@@ -1,0 +1,184 @@
+"""Removal conditions past single translations: complete and proven, checked by `verify`, the same however they lie."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from solids import assembly, box, l_tunnel, rod
+
+from sashimono.assembly import Assembly, Part
+from sashimono.bodies import make_bodies
+from sashimono.disassembly.blocking import bits
+from sashimono.disassembly.clauses import RemovalConditions
+from sashimono.disassembly.flood import label
+from sashimono.disassembly.meeting import SceneBuilder, shell
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separate import Cascade, SeparateConfig
+from sashimono.geometry import se3
+from sashimono.io.read import read_assembly
+from sashimono.verify.body import Body
+from sashimono.verify.config import VerifyConfig
+from sashimono.verify.overlap import AssembledOverlaps
+from sashimono.verify.pairs import check_pair, pair_tolerance
+from sashimono.verify.sweep import Screws
+
+
+def conditions_of(parts: Assembly) -> RemovalConditions:
+    return Cascade(parts, make_bodies(parts), config=SeparateConfig()).conditions()
+
+
+def by_name(parts: Assembly, conditions: RemovalConditions) -> dict[str, set[frozenset[str]]]:
+    return {
+        name: {frozenset(parts.names[k] for k in bits(clause.blockers)) for clause in clauses}
+        for name, clauses in zip(parts.names, conditions.clauses, strict=True)
+    }
+
+
+def problems(parts: Assembly, part: Part, others: list[Part], removal: Removal) -> list[str]:
+    """What the check has against a removal."""
+    config = VerifyConfig(samples=1000)
+    bodies = {p.name: Body(p.name, p.vertices_part, p.faces, samples=config.samples) for p in parts.parts}
+    overlaps = AssembledOverlaps(bodies, {p.name: p.T_world_part for p in parts.parts})
+    path = Screws.between(removal.displacements[::-1] @ part.T_world_part)
+    found = [
+        check_pair(
+            bodies[part.name],
+            bodies[other.name],
+            path,
+            other.T_world_part,
+            allowance=lambda other=other: overlaps.depth(part.name, other.name),
+            tolerance=pair_tolerance(bodies[part.name], bodies[other.name], config),
+            config=config,
+        ).problem
+        for other in others
+    ]
+    return [problem for problem in found if problem]
+
+
+def cups() -> Assembly:
+    """Three cups in one another, walls 1 mm, gaps none: thin for their size."""
+    out = {}
+    for k in range(3):
+        radius = 0.012 + 0.001 * k
+        out[f"cup{k}"] = rod(radius, 0.012, (0.0, 0.0, -0.001 * k)) - rod(
+            radius - 0.001, 0.012, (0, 0, 0.001 - 0.001 * k)
+        )
+    return assembly(**out)
+
+
+def screwed_lid() -> Assembly:
+    """A wide thin lid on a box, held by two small screws far apart."""
+    lid, base = (
+        box((0.08, 0.05, 0.003), (0, 0, 0.0115)),
+        box((0.08, 0.05, 0.02)) - box((0.06, 0.046, 0.02), (0, 0, 0.005)),
+    )
+    solids = {}
+    for k, x in enumerate((-0.035, 0.035)):
+        lid -= rod(0.0016, 0.01, (x, 0.0, 0.0115))
+        base -= rod(0.0015, 0.012, (x, 0.0, 0.004))
+        solids[f"screw{k}"] = rod(0.0015, 0.011, (x, 0.0, 0.0075)) + rod(0.003, 0.002, (x, 0.0, 0.014))
+    return assembly(base=base, lid=lid, **solids)
+
+
+def test_thin_walls_are_proven() -> None:
+    conditions = conditions_of(cups())
+    assert by_name(cups(), conditions)["cup1"] == {frozenset({"cup0"}), frozenset({"cup2"})}
+    assert conditions.cut_short == ()
+
+
+def test_each_of_two_small_screws_holds_a_wide_lid() -> None:
+    parts = screwed_lid()
+    conditions = conditions_of(parts)
+    assert by_name(parts, conditions)["lid"] >= {frozenset({"screw0", "screw1"}), frozenset({"base"})}
+    assert parts.index("lid") not in conditions.cut_short
+
+
+def test_every_witness_holds_by_the_check() -> None:
+    parts = l_tunnel()
+    conditions = conditions_of(parts)
+    for part, clauses in enumerate(conditions.clauses):
+        for clause in clauses:
+            others = [p for k, p in enumerate(parts.parts) if k != part and not clause.blockers >> k & 1]
+            assert problems(parts, parts.parts[part], others, clause.removal) == []
+
+
+def test_a_bayonet_comes_apart_both_ways_by_one_motion(truth_folder) -> None:
+    parts = read_assembly(truth_folder / "bayonet", unit="mm")
+    conditions = conditions_of(parts)
+    assert [[clause.blockers for clause in clauses] for clauses in conditions.clauses] == [[0], [0]]
+    for part, (clause,) in enumerate(conditions.clauses):
+        assert problems(parts, parts.parts[part], [parts.parts[1 - part]], clause.removal) == []
+        turned = clause.removal.displacements[-1, :3, :3]
+        assert np.trace(turned) < 2.9
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 100))
+def test_the_motion_of_the_other_part_is_the_same_relative_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turn = se3.exp(np.concatenate([rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3)]))
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    removal = Removal(
+        displacements=np.stack([np.eye(4), turn, se3.make(None, 0.5 * direction) @ turn]), exit_direction=direction
+    )
+    other = removal.of_the_other()
+    for D, E in zip(removal.displacements, other.displacements, strict=True):
+        np.testing.assert_allclose(D @ E, np.eye(4), atol=1e-12)
+    leg = se3.inverse(other.displacements[1]) @ other.displacements[2]
+    last = other.displacements[2, :3, 3] - other.displacements[1, :3, 3]
+    np.testing.assert_allclose(leg[:3, :3], np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(last, 0.5 * other.exit_direction, atol=1e-12)
+    again = other.of_the_other()
+    np.testing.assert_allclose(again.exit_direction, removal.exit_direction, atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "seed"), [("bolt_stack_tilt", 0), ("box_lid", 1), ("peg_facet_mismatch", 2)])
+def test_conditions_do_not_depend_on_how_it_lies(truth_folder, name: str, seed: int) -> None:
+    parts = read_assembly(truth_folder / name, unit="mm")
+    rng = np.random.default_rng(seed)
+    scale = 10.0 ** rng.uniform(-1.0, 1.0)
+    T = se3.exp(np.concatenate([rng.uniform(-0.1, 0.1, 3), rng.uniform(-1.5, 1.5, 3)]))
+    moved = Assembly(
+        parts=tuple(
+            Part(
+                name=p.name, vertices_part=se3.apply(T, scale * p.vertices_part), faces=p.faces, T_world_part=np.eye(4)
+            )
+            for p in (parts.parts[k] for k in rng.permutation(len(parts)))
+        )
+    )
+    assert by_name(moved, conditions_of(moved)) == by_name(parts, conditions_of(parts))
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 1000), most=st.sampled_from([4, 10_000]))
+def test_the_points_that_are_kept_tell_what_all_points_would(seed: int, most: int) -> None:
+    """Voxel against voxel, at random: with all points exactly what the shells meet, with few never more."""
+    rng = np.random.default_rng(seed)
+    sizes = rng.integers(1, 6, 3)
+    solid = rng.random(sizes) < 0.7
+    solid.ravel()[0] = True
+    window = np.array([4, 4, 4])
+    scene = SceneBuilder(solid, window, max_points=most)
+    room = sizes + window - 1
+    obstacles = []
+    for _ in range(3):
+        first = np.array([rng.integers(0, n) for n in room])
+        drawn = rng.random([rng.integers(1, n - f + 1) for n, f in zip(room, first, strict=True)]) < 0.3
+        scene.add(drawn, first)
+        whole = np.zeros(room, bool)
+        whole[tuple(slice(f, f + n) for f, n in zip(first, drawn.shape, strict=True))] = drawn
+        obstacles.append(whole)
+    built = scene.finished()
+    labels, known = np.zeros(window, np.int64), np.zeros(window, np.bool_)
+    own = shell(solid)
+    for cell in np.ndindex(*window):
+        mask = int(label(built, cell, labels, known))
+        for bit, whole in enumerate(obstacles):
+            theirs = shell(whole)
+            at = theirs - cell
+            inside = ((at >= 0) & (at < solid.shape)).all(axis=1)
+            met = [bool(whole[tuple((own + cell).T)].any()), bool(solid[tuple(at[inside].T)].any())]
+            assert not mask >> bit & 1 or any(met)
+            if most > 4:
+                assert mask >> bit & 1 in (int(met[0]), int(met[1]))
