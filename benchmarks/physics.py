@@ -63,7 +63,7 @@ def main() -> None:
     arguments = parser(__doc__, "physics.json")
     arguments.add_argument("--sets", nargs="+", default=["truth", "assemblies"], help="folders of the test data")
     arguments.add_argument("--max-parts", type=int, default=22, help="larger assemblies are left out, and named")
-    arguments.add_argument("--max-traced", type=int, default=20_000_000, help="budget of one run, in points traced")
+    arguments.add_argument("--max-traced", type=int, default=40_000_000, help="budget of one run, in tracing steps")
     arguments.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="of the batch")
     arguments.add_argument("--seed", type=int, default=0, help="of the rotation")
     options = arguments.parse_args()

@@ -88,10 +88,10 @@ def test_marching_along_a_screw_stops_where_the_distance_says() -> None:
     # a half turn about (0.0201, 0, 0) passes the wall, whose face is at x = 0.01; one about (0.019, 0, 0) does not
     options = {"limit": 1e-6, "least_step": 1e-6}
     past = adjoint(se3.make(None, np.array([0.0201, 0.0, 0.0])), about_z)
-    assert np.isinf(march_screw(field, point, past, **options))
+    assert np.isinf(march_screw(field, point, past, **options)[0])
     twist = adjoint(se3.make(None, np.array([0.019, 0.0, 0.0])), about_z)
     met = np.arccos(-9.0 / 11.0) / np.pi
-    assert march_screw(field, point, twist, **options) == pytest.approx(met, abs=1e-3)
+    assert march_screw(field, point, twist, **options)[0] == pytest.approx(met, abs=1e-3)
     screw = Screw.of(twist)
     np.testing.assert_allclose(screw.axis, [0.0, 0.0, 1.0], atol=1e-12)
     assert screw.pitch == pytest.approx(0.001 / np.pi)
@@ -112,7 +112,7 @@ def test_marching_along_a_screw_agrees_with_looking_everywhere(seed: int) -> Non
             twist[3:] = [0.0, 0.0, rng.uniform(0.5, 2.0)]
         path = np.array([se3.apply(se3.exp(u * twist), start[None])[0] for u in np.linspace(0.0, 1.0, looks)])
         deep = np.flatnonzero(-field.query(path) > limit)
-        found = march_screw(field, start[None], twist, limit=limit, least_step=step)
+        found, _ = march_screw(field, start[None], twist, limit=limit, least_step=step)
         if not len(deep):
             assert np.isinf(found)
         elif np.isfinite(found):
@@ -214,7 +214,7 @@ def test_algorithm1_says_which_budget_ran_out_and_tells_of_each_part_that_left()
         for workers in (1, 2)
     ]
     reasons = [[separation.reason for _, separation in result.stuck] for result in results]
-    assert reasons[0] == reasons[1] == ["Algorithm 1 ran out of its budget of 20000 points traced"]
+    assert reasons[0] == reasons[1] == ["Algorithm 1 ran out of its budget of 20000 tracing steps"]
 
     told = []
     pegs = assembly(

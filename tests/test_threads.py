@@ -63,7 +63,8 @@ def test_a_bolt_leaves_by_its_own_screw_whatever_the_phase_it_is_drawn_in(cleara
     parts = screwed(clearance, phase=phase)
     table = Blocking(parts, make_bodies(parts), config=BlockingConfig())
     index = parts.index("bolt")
-    removal = search_unscrew(Threads(table, config=UnscrewConfig()), index, bits(table.all_parts & ~(1 << index)))
+    others = bits(table.all_parts & ~(1 << index))
+    removal, _ = search_unscrew(Threads(table, config=UnscrewConfig()), index, others, max_traced=40_000_000)
     assert removal is not None
     paths = Paths(table, index, [1 - index], tolerance=0.015)
     assert paths.check(removal.displacements)

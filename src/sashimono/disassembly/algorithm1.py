@@ -48,8 +48,8 @@ class Algorithm1Config:
     """The pushes and their simulation; its budget of pushes holds for each part and remaining set."""
     max_attempts: int = 20_000
     """Pushes simulated in all."""
-    max_traced: int = 200_000_000
-    """Points followed past other parts in all, which is most of the work; looked at after each push."""
+    max_traced: int = 400_000_000
+    """Tracing steps (`Paths.traced`) in all, which are most of the work; looked at after each push."""
     workers: int = 1
     """Threads that simulate; changes the time only."""
     batch: int = 4
@@ -168,7 +168,7 @@ class _Search:
         """Which budget ran out; empty while none has."""
         for unit, count, most in (
             ("pushes", self.attempts, self.config.max_attempts),
-            ("points traced", self.traced, self.config.max_traced),
+            ("tracing steps", self.traced, self.config.max_traced),
         ):
             if count >= most:
                 return f"Algorithm 1 ran out of its budget of {most} {unit}"

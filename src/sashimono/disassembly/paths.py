@@ -46,7 +46,7 @@ class Paths:
         self.touched: set[int] = set()
         """Parts that stopped it in any answer so far: without the others all answers but `out` are bitwise the same."""
         self.traced = 0
-        """Points whose way past another part was followed so far: what all answers cost."""
+        """Points followed past another part so far, and their steps near it: what all answers cost."""
 
     def advance(self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]) -> tuple[float, int | None]:
         """Return how far the part gets from D along ``exp(u twist) @ D``, and the part that stops it.
@@ -199,15 +199,15 @@ class Paths:
         T_a_b = se3.inverse(T_b_a)
         along_b = adjoint(T_b_world, twist)
         probes = se3.apply(T_b_a, self.body.probes[::stride])
-        self.traced += len(probes)
-        first = march_screw(b.signed_distance, probes, along_b, **options)
+        first, steps = march_screw(b.signed_distance, probes, along_b, **options)
+        self.traced += len(probes) + steps
         if first == 0.0:
             return 0.0
         scale = first if np.isfinite(first) else 1.0
         # seen from the part, the other moves the opposite way
         probes = se3.apply(T_a_b, b.probes[::stride])
-        self.traced += len(probes)
-        second = march_screw(self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options)
+        second, steps = march_screw(self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options)
+        self.traced += len(probes) + steps
         return scale * second if np.isfinite(second) else first
 
 

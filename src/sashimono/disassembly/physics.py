@@ -39,6 +39,8 @@ class PhysicsConfig:
     """Pushes simulated for one part."""
     max_stretches: int = 24
     """Stretches followed for one part over all pushes, but for those that follow a known screw unhindered."""
+    max_traced: int = 40_000_000
+    """Tracing steps (`Paths.traced`) for one part; looked at after each push."""
     novelty: float = 0.05
     """A rest pose nearer than this share of the part's smallest extent to a known one is not new."""
 
@@ -53,6 +55,8 @@ class PhysicsResult:
     reason: str = ""
     pushes: int = 0
     """Pushes simulated."""
+    traced: int = 0
+    """Tracing steps taken."""
 
 
 def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, config: PhysicsConfig) -> PhysicsResult:
@@ -63,9 +67,12 @@ def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, conf
     known = [np.eye(4)]
     met: set[int] = set()
     pushes = stretches = 0
-    while queue and pushes < config.max_pushes and stretches < config.max_stretches:
+    spent = config.max_traced <= 0
+    while queue and pushes < config.max_pushes and stretches < config.max_stretches and not spent:
         before = queue.popleft()
         for push in pushes_at(paths, before[-1], config=config)[: config.max_pushes - pushes]:
+            if spent := paths.traced >= config.max_traced:
+                break
             left = min(config.simulate.max_stretches, config.max_stretches - stretches)
             outcome = simulate(paths, before[-1], push, config=replace(config.simulate, max_stretches=left))
             pushes += 1
@@ -73,19 +80,21 @@ def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, conf
             if outcome.exit_direction is not None:
                 removal = outcome.removal(before)
                 if paths.parts_once(removal.displacements):
-                    return PhysicsResult(removal=removal, pushes=pushes)
+                    return PhysicsResult(removal=removal, pushes=pushes, traced=paths.traced)
                 continue
             met.update(outcome.met)
             rest = outcome.displacements[-1]
             if all(paths.distance(rest, other) > config.novelty * paths.size for other in known):
                 known.append(rest)
                 queue.append(np.concatenate([before[:-1], outcome.displacements]))
-    reason = (
-        f"physics ran out of its budget of {config.max_pushes} pushes and {config.max_stretches} stretches"
-        if queue or stretches >= config.max_stretches
-        else f"no push leads to a new rest pose after {pushes} pushes"
-    )
-    return PhysicsResult(removal=None, blocked_by=tuple(sorted(met)), reason=reason, pushes=pushes)
+    if spent:
+        reason = f"physics ran out of its budget of {config.max_traced} tracing steps"
+    elif queue or stretches >= config.max_stretches:
+        reason = f"physics ran out of its budget of {config.max_pushes} pushes and {config.max_stretches} stretches"
+    else:
+        reason = f"no push leads to a new rest pose after {pushes} pushes"
+    blocked_by = tuple(sorted(met))
+    return PhysicsResult(removal=None, blocked_by=blocked_by, reason=reason, pushes=pushes, traced=paths.traced)
 
 
 def pushes_at(paths: Paths, D: Float[np.ndarray, "4 4"], *, config: PhysicsConfig) -> list[Float[np.ndarray, "6"]]:

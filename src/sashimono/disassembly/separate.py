@@ -37,6 +37,8 @@ class SeparateConfig:
     translation: TranslationConfig = field(default_factory=TranslationConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     unscrew: UnscrewConfig = field(default_factory=UnscrewConfig)
+    max_traced: int = 40_000_000
+    """Tracing steps that threads and physics may take for one assembly in all, about half a minute."""
     contact_gap: float = 0.01
     """Surfaces nearer than this share of the smaller part's extent touch."""
     proof_gap: float = 0.0025
@@ -84,6 +86,8 @@ class Cascade:
         self._touching = ContactNormals(self.blocking, gap=config.contact_gap)
         self.translations = TranslationSearch(self.blocking, config=config.translation)
         self.threads = Threads(self.blocking, config=config.unscrew)
+        self.traced = 0
+        """Tracing steps that threads and physics took so far."""
         self._held: dict[int, list[int]] = {}
         self._failed: dict[int, list[tuple[int, int, Separation]]] = {}
         self._found: dict[int, list[Separation]] = {}
@@ -114,7 +118,9 @@ class Cascade:
             if separation.stage == "thread" and not separation.hits & others:
                 return separation
         if not any(held & ~others == 0 for held in self._held.get(part, [])):
-            removal = search_unscrew(self.threads, part, bits(others))
+            left = max(0, self.config.max_traced - self.traced)
+            removal, traced = search_unscrew(self.threads, part, bits(others), max_traced=left)
+            self.traced += traced
             if removal is not None:
                 return self._remembered(part, others, removal, stage="thread")
             self._held.setdefault(part, []).append(others)
@@ -155,11 +161,17 @@ class Cascade:
         for stuck, separation in self._resting.get(part, []):
             if stuck & ~others == 0:
                 return separation
-        found = search_physics(self.blocking, part, bits(others), config=self.config.physics)
+        left = max(0, self.config.max_traced - self.traced)
+        config = replace(self.config.physics, max_traced=min(left, self.config.physics.max_traced))
+        found = search_physics(self.blocking, part, bits(others), config=config)
+        self.traced += found.traced
+        reason = found.reason
+        if found.removal is None and found.traced >= left:
+            reason = f"physics ended where the assembly's {self.config.max_traced} tracing steps were spent"
         if found.removal is not None:
             return self._remembered(part, others, found.removal, stage="physics")
         blocked_by = known.blocked_by or found.blocked_by
-        separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {found.reason}")
+        separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {reason}")
         self._resting.setdefault(part, []).append((others, separation))
         return separation
 

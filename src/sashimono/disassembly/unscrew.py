@@ -87,18 +87,21 @@ class Threads:
         return inside[:: 1 + len(inside) // self.config.max_faces]
 
 
-def search_unscrew(threads: Threads, part: int, others: Sequence[int]) -> Removal | None:
-    """Return a removal of the part past the others along the screw of a thread that it shares with one; else None."""
+def search_unscrew(
+    threads: Threads, part: int, others: Sequence[int], *, max_traced: int
+) -> tuple[Removal | None, int]:
+    """Return a removal of the part past the others along the screw of a thread that it shares with one, else None,
+    and the tracing steps (`Paths.traced`) that it took; looked at before each screw is followed."""
     blocking, config = threads.blocking, threads.config
     paths = Paths(blocking, part, others, tolerance=config.tolerance)
     for other in paths.near(np.eye(4)):
         for helix in threads.between(part, other):
             for sign in (1.0, -1.0):
                 for start in _starts(paths, other, helix, sign, config):
-                    removal = _follow(paths, helix, sign, start, config)
+                    removal = _follow(paths, helix, sign, start, config) if paths.traced < max_traced else None
                     if removal is not None:
-                        return removal
-    return None
+                        return removal, paths.traced
+    return None, paths.traced
 
 
 def _starts(

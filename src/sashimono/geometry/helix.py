@@ -8,7 +8,7 @@ it is the pitch. Clearance and overlap between two parts do not matter, for each
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -34,6 +34,13 @@ class HelixConfig:
     """Smallest shift per radian."""
     least_faces: int = 24
     """Fewer faces tell nothing."""
+    coherence: float = 0.5
+    """Of flanks that keep in step with a thread this much (see `_coherence`), the normals may err: facets of a fine
+    thread do, by more than its slope. Ridges keep up to 0.9 of it, anything else seldom 0.2."""
+    least_turns: float = 6.0
+    """Turns from which on the pitch is told by the step rather than by the normals."""
+    refined: float = 0.02
+    """Relative change of the pitch by which it is looked for then."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +67,8 @@ def fit_helix(
 ) -> Helix | None:
     """Return the screw about an axis of this direction that carries the triangles along themselves, if one does.
 
-    None for surfaces that a mere turn carries along themselves, or that have too few flanks.
+    None for surfaces that a mere turn carries along themselves, or that have too few flanks. The flanks must slide
+    along themselves, or keep in step with the thread: those of a fine one do, whatever its facets do to normals.
     """
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     areas = np.linalg.norm(normals, axis=1)
@@ -68,10 +76,10 @@ def fit_helix(
     normals, areas, points = normals[good] / areas[good, None], areas[good], triangles[good].mean(axis=1)
     along = normals @ axis
     side = np.abs(along) < config.flank[1]
-    normals, areas, points, along = normals[side], areas[side], points[side], np.abs(along[side])
+    normals, areas, points, along = normals[side], areas[side], points[side], along[side]
     if len(areas) < config.least_faces:
         return None
-    flank = along > config.flank[0]
+    flank = np.abs(along) > config.flank[0]
     if areas[flank].sum() < config.least_share * areas.sum():
         return None
     middle = areas @ points / areas.sum()
@@ -80,12 +88,55 @@ def fit_helix(
     turning = -(np.cross(arms, normals) @ axis)
     v = _robust_fit(normals, turning, areas, radius, config)
     pitch = float(v @ axis)
-    weights = (areas * along)[flank]
-    fits = _carried(normals[flank], turning[flank], weights, v, config.inlier * radius)
-    turned = _carried(normals[flank], turning[flank], weights, v - pitch * axis, config.inlier * radius)
-    if fits < config.least_fit or turned > config.most_turned or abs(pitch) < config.least_pitch * radius:
+    if abs(pitch) < config.least_pitch * radius:
         return None
-    return Helix(axis=axis, point=middle + np.cross(axis, v), pitch=pitch, radius=radius)
+    helix = Helix(axis=axis, point=middle + np.cross(axis, v), pitch=pitch, radius=radius)
+    weights = (areas * along)[flank]
+    if _coherence(helix, points[flank], weights) >= config.coherence:
+        return _refined(helix, points[flank], weights, config)
+    fits = _carried(normals[flank], turning[flank], np.abs(weights), v, config.inlier * radius)
+    turned = _carried(normals[flank], turning[flank], np.abs(weights), v - pitch * axis, config.inlier * radius)
+    return helix if fits >= config.least_fit and turned <= config.most_turned else None
+
+
+def _coherence(helix: Helix, points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"]) -> float:
+    """How well faces keep in step with a thread of one start, from 0 to 1; weights are areas seen along the axis.
+
+    In the phase ``z / pitch - angle`` a thread stands still: faces that look up are on one side of the circle, those
+    that look down on the other, and their signed sum is long (2/π if spread evenly). Of anything else it cancels.
+    """
+    turned, along = _cylindrical(helix, points)
+    return float(abs((weights * np.exp(1j * (along / helix.pitch - turned))).sum()) / np.abs(weights).sum())
+
+
+def _refined(
+    helix: Helix, points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"], config: HelixConfig
+) -> Helix:
+    """The pitch near the helix's own with which the faces keep in step best, where there are turns enough to tell."""
+    turned, along = _cylindrical(helix, points)
+    turns = float(np.ptp(along)) / (2.0 * np.pi * abs(helix.pitch))
+    if turns < config.least_turns:
+        return helix
+    count = int(np.ceil(16.0 * config.refined * turns))
+    pitches = helix.pitch * (1.0 + np.linspace(-config.refined, config.refined, 2 * count + 1))
+    step = np.array([abs((weights * np.exp(1j * (along / pitch - turned))).sum()) for pitch in pitches])
+    best = int(np.argmax(step))
+    if best in (0, 2 * count):
+        return helix
+    before, here, after = step[best - 1 : best + 2]
+    offset = 0.5 * (before - after) / min(before - 2.0 * here + after, -1e-12 * here)  # the parabola's top
+    return replace(helix, pitch=float(pitches[best] + offset * (pitches[1] - pitches[0])))
+
+
+def _cylindrical(
+    helix: Helix, points: Float[np.ndarray, "face 3"]
+) -> tuple[Float[np.ndarray, "face"], Float[np.ndarray, "face"]]:
+    """Angles about the axis [rad] and coordinates along it [m]."""
+    _, first, second = np.linalg.svd(helix.axis[None])[2]
+    if np.cross(first, second) @ helix.axis < 0.0:
+        second = -second
+    arms = points - helix.point
+    return np.arctan2(arms @ second, arms @ first), arms @ helix.axis
 
 
 def _robust_fit(

@@ -61,8 +61,10 @@ def march_screw(
     *,
     limit: float,
     least_step: float,
-) -> float:
-    """Return the u in [0, 1] at which a point moved by ``exp(u twist)`` is first deeper than ``limit``; inf if none is.
+) -> tuple[float, int]:
+    """Return the u in [0, 1] at which a point moved by ``exp(u twist)`` is first deeper than ``limit``, and the work.
+
+    u is infinite if no point gets too deep; the work is counted in steps of points near the mesh.
 
     Sphere tracing along each point's helix, everything in the mesh frame: a point that is d outside cannot be
     deeper than the limit before it has gone d + limit, so only dips shorter than ``least_step`` [m] are jumped. While
@@ -71,7 +73,8 @@ def march_screw(
     screw = Screw.of(twist)
     points = np.ascontiguousarray(points, dtype=np.float64)
     frame = np.array([screw.axis, screw.point, screw.shift])
-    return _march_screw(points, frame, screw.angle, limit, least_step, *field.arrays)
+    travel, steps = _march_screw(points, frame, screw.angle, limit, least_step, *field.arrays)
+    return float(travel), int(steps)
 
 
 @njit(cache=True, nogil=True)
@@ -79,6 +82,7 @@ def _march_screw(points, frame, angle, limit, least_step, boxes, links, triangle
     # pragma: no cover - compiled
     axis, center, shift = frame[0], frame[1], frame[2]
     travel = np.inf
+    steps = 0
     shift2 = shift[0] ** 2 + shift[1] ** 2 + shift[2] ** 2
     for k in range(points.shape[0]):
         x, y, z = points[k, 0] - center[0], points[k, 1] - center[1], points[k, 2] - center[2]
@@ -103,6 +107,7 @@ def _march_screw(points, frame, angle, limit, least_step, boxes, links, triangle
             if outside > least_step:
                 u += (outside + limit) / speed
                 continue
+            steps += 1
             bound = np.inf
             if closest >= 0:
                 qx, qy, qz, _ = closest_on_triangle(px, py, pz, triangles[closest])
@@ -116,4 +121,4 @@ def _march_screw(points, frame, angle, limit, least_step, boxes, links, triangle
                 travel = min(travel, u)
                 break
             u += max(limit + distance, least_step) / speed
-    return travel
+    return travel, steps
