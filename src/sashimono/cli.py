@@ -120,12 +120,28 @@ def plan(
     method: Annotated[str, typer.Option(help="how removals are found: cascade, or physics (Algorithm 1)")] = "cascade",
     gripper: Annotated[str, typer.Option(metavar="NAME", help="a gripper's name, or auto: in proportion")] = "auto",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
+    declare_threads: Annotated[
+        bool,
+        typer.Option(
+            "--declare-threads/--no-declare-threads",
+            help="whether screws drawn without ridges are turned in, at the standard pitch of their diameter",
+        ),
+    ] = True,
 ) -> int:
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
         raise SashimonoError(f"--method {method} is not in this version. Choose one of: {', '.join(METHODS)}.")
     _refuse_unwritable(out)
-    return _plan_and_write(source, out, unit=unit, seed=seed, method=method, gripper=gripper, contacts=contacts)
+    return _plan_and_write(
+        source,
+        out,
+        unit=unit,
+        seed=seed,
+        method=method,
+        gripper=gripper,
+        contacts=contacts,
+        declare_threads=declare_threads,
+    )
 
 
 @app.command()
@@ -271,10 +287,13 @@ def _plan_and_write(
     method: str = "cascade",
     gripper: str = "auto",
     contacts: bool = True,
+    declare_threads: bool = True,
     copy_input: bool = False,
 ) -> int:
     from sashimono.console import progress_display, summary_lines
     from sashimono.contact.gripper import named_gripper
+    from sashimono.disassembly.declared import DeclareConfig
+    from sashimono.disassembly.separate import SeparateConfig
     from sashimono.io.read import read_assembly
     from sashimono.pipeline import PipelineConfig, plan_assembly
 
@@ -284,7 +303,10 @@ def _plan_and_write(
         typer.echo(f"note: {note}", err=True)
     with progress_display() as progress:
         config = PipelineConfig(
-            method=cast("Literal['cascade', 'physics']", method), gripper=gripper, contacts=contacts
+            method=cast("Literal['cascade', 'physics']", method),
+            gripper=gripper,
+            contacts=contacts,
+            separate=SeparateConfig(declare=DeclareConfig(enabled=declare_threads)),
         )
         found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
     _write(found, assembly, out, copied=source if copy_input else None)
