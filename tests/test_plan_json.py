@@ -17,7 +17,18 @@ from sashimono.assembly import Overlap, Source
 from sashimono.errors import PlanFormatError
 from sashimono.io.plan_json import plan_from_json, plan_to_json, read_plan, write_plan
 from sashimono.io.plan_schema import plan_schema
-from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Subassembly, Table, Unsolved
+from sashimono.plan import (
+    Answer,
+    AssemblyPlan,
+    Contact,
+    DeclaredHelix,
+    Motion,
+    Segment,
+    Step,
+    Subassembly,
+    Table,
+    Unsolved,
+)
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 names = st.text(min_size=1, max_size=8)
@@ -76,6 +87,16 @@ single_steps = recipe(
     ),
     contact=st.none() | contacts,
     contact_reason=st.none() | names,
+    declared=st.none()
+    | recipe(
+        DeclaredHelix,
+        axis=arrays(3),
+        point=arrays(3),
+        pitch=numbers,
+        other=names,
+        start=st.integers(0, 9),
+        stop=st.integers(0, 9),
+    ),
 )
 tables = st.none() | recipe(Table, normal=arrays(3), offset=numbers)
 

@@ -124,6 +124,13 @@ def plan(
     ] = None,
     gripper: Annotated[str, typer.Option(metavar="NAME", help="a gripper's name, or auto: in proportion")] = "auto",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
+    declare_threads: Annotated[
+        bool,
+        typer.Option(
+            "--declare-threads/--no-declare-threads",
+            help="whether screws drawn without ridges are turned in, at the standard pitch of their diameter",
+        ),
+    ] = True,
 ) -> int:
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
@@ -132,7 +139,7 @@ def plan(
         raise SashimonoError(f"--device {device} is for --method physics. Leave it out, or choose that method.")
     _refuse_unwritable(out)
     options = {"method": method, "device": device, "gripper": gripper, "contacts": contacts}
-    return _plan_and_write(source, out, unit=unit, seed=seed, **options)
+    return _plan_and_write(source, out, unit=unit, seed=seed, declare_threads=declare_threads, **options)
 
 
 @app.command()
@@ -279,11 +286,14 @@ def _plan_and_write(
     device: str | None = None,
     gripper: str = "auto",
     contacts: bool = True,
+    declare_threads: bool = True,
     copy_input: bool = False,
 ) -> int:
     from sashimono.console import progress_display, summary_lines
     from sashimono.contact.gripper import named_gripper
     from sashimono.disassembly.algorithm1 import Algorithm1Config
+    from sashimono.disassembly.declared import DeclareConfig
+    from sashimono.disassembly.separate import SeparateConfig
     from sashimono.io.read import read_assembly
     from sashimono.pipeline import PipelineConfig, plan_assembly
 
@@ -295,6 +305,7 @@ def _plan_and_write(
         config = PipelineConfig(
             method=cast("Literal['cascade', 'physics']", method),
             algorithm1=Algorithm1Config(device=device),
+            separate=SeparateConfig(declare=DeclareConfig(enabled=declare_threads)),
             gripper=gripper,
             contacts=contacts,
         )

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly
-from sashimono.plan import AssemblyPlan, Step, Unsolved
+from sashimono.plan import AssemblyPlan, DeclaredHelix, Step, Unsolved
 
 MAX_OVERLAPS = 5
 """Pairs named in the summary."""
@@ -82,7 +82,7 @@ def _step_lines(steps: Sequence[Step], width: int, indent: str) -> Iterator[str]
 
 def _step_words(step: Step) -> str:
     words = [f"subassembly of {len(step.moving)}: {', '.join(step.moving)}"] if step.moving else []
-    words.append(_direction_words(step.motion.T_world_part))
+    words.append(_thread_words(step.declared) if step.declared else _direction_words(step.motion.T_world_part))
     if len(step.motion.T_world_part) > 1:
         words.append(_contact_words(step))
     evidence = step.motion.evidence
@@ -105,6 +105,11 @@ def _direction_words(T_world_part: Float[np.ndarray, "pose 4 4"]) -> str:
     if abs(direction[axis]) > np.cos(np.radians(0.5)):
         return f"along {'-' if direction[axis] < 0 else '+'}{'xyz'[axis]}"
     return "along ({:.2f}, {:.2f}, {:.2f})".format(*direction)
+
+
+def _thread_words(declared: DeclaredHelix) -> str:
+    pitch = f"{1e3 * declared.pitch:.3g} mm"
+    return f"screwed into {declared.other}, pitch {pitch} (declared: the CAD has no thread)"
 
 
 def _contact_words(step: Step) -> str:

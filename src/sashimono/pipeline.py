@@ -215,7 +215,7 @@ class _Judge:
             Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=reason) for name in step.members
         ]
         if step.part in self._departures:
-            self.refused.add(self._departures[step.part].ban)
+            self.refused.add(self._departures[step.part].path_ban)
 
     def _with_evidence(self, step: Step, entry: StepReport) -> Motion:
         part = self._assembly.part(step.part)

@@ -79,6 +79,28 @@ class Contact:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class DeclaredHelix:
+    """A stretch of a path that follows a thread which the CAD does not show: it was declared, not found."""
+
+    axis: Float[np.ndarray, "3"]
+    """Unit, world frame, the way in."""
+    point: Float[np.ndarray, "3"]
+    """A point on the axis, world frame [m]."""
+    pitch: float
+    """Shift along the axis for one turn by the right-hand rule [m]."""
+    other: str
+    """The part in which it is screwed."""
+    start: int
+    """Pose of the path at which it begins."""
+    stop: int
+    """Pose at which it ends, included."""
+
+    def __post_init__(self) -> None:
+        for name in ("axis", "point"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
     """One part, or a subassembly as one body, brought from its resting pose to its assembled pose."""
 
@@ -94,6 +116,8 @@ class Step:
     """All parts of the subassembly, `part` included; empty for a single part."""
     subassembly: Subassembly | None = None
     """How it was put together before; None for a single part."""
+    declared: DeclaredHelix | None = None
+    """The thread that part of the path follows, where one was declared."""
 
     @property
     def members(self) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from sashimono.disassembly.separate import Separation, names_of
 from sashimono.disassembly.sequence import Ban, Departure, DisassemblyResult
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.motion import MotionConfig, MotionResult, plan_motions
-from sashimono.plan import Step, Subassembly, Table, Unsolved
+from sashimono.plan import DeclaredHelix, Motion, Step, Subassembly, Table, Unsolved
 
 Progress = Callable[[str, int, int], None]
 """Called with (stage, done, total)."""
@@ -179,9 +179,29 @@ class TreePlanner:
                 subassembly=None
                 if below is None
                 else Subassembly(order=below.order, steps=below.steps, table=below.table),
+                declared=_declared(self.assembly, departures.get(name), motions.motions[name]),
             )
             steps.append(step)
         return tuple(steps)
+
+
+def _declared(assembly: Assembly, departure: Departure | None, motion: Motion) -> DeclaredHelix | None:
+    """The declared thread that the end of a motion follows, if its removal had one and the motion kept to it."""
+    thread = None if departure is None else departure.separation.declared
+    if departure is None or thread is None or departure.separation.removal is None:
+        return None
+    turned = departure.separation.removal.displacements[: thread.stretches + 1]
+    poses = motion.T_world_part
+    if len(poses) < len(turned) or not np.allclose(poses[-len(turned) :][::-1], turned @ poses[-1], atol=1e-9):
+        return None
+    return DeclaredHelix(
+        axis=-thread.axis,
+        point=thread.point,
+        pitch=thread.pitch,
+        other=assembly.names[thread.other],
+        start=len(poses) - len(turned),
+        stop=len(poses) - 1,
+    )
 
 
 def _stuck(assembly: Assembly, part: int, separation: Separation) -> Unsolved:

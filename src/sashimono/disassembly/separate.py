@@ -9,7 +9,7 @@ larger sets fail free.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,10 +19,12 @@ from sashimono.assembly import Assembly
 from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
 from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.contacts import ContactNormals, escape_directions, immobile_margin
+from sashimono.disassembly.declared import DeclareConfig, DeclaredThread, declared_removal
 from sashimono.disassembly.enumeration import Said, enumerate_clauses
 from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.physics import PhysicsConfig, search_physics
 from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.shared import SharedBodies, SharedConfig
 from sashimono.disassembly.translation import TranslationConfig, TranslationSearch
 from sashimono.disassembly.unscrew import Threads, UnscrewConfig, search_unscrew
 from sashimono.geometry.body import Body
@@ -39,6 +41,8 @@ class SeparateConfig:
     unscrew: UnscrewConfig = field(default_factory=UnscrewConfig)
     max_traced: int = 40_000_000
     """Tracing steps that threads and physics may take for one assembly in all, about half a minute."""
+    shared: SharedConfig = field(default_factory=SharedConfig)
+    declare: DeclareConfig = field(default_factory=DeclareConfig)
     contact_gap: float = 0.01
     """Surfaces nearer than this share of the smaller part's extent touch."""
     proof_gap: float = 0.0025
@@ -68,6 +72,8 @@ class Separation:
     """Parts that were not among the obstacles and that it would run into (a mask)."""
     signed: int | None = None
     """Its direction in the blocking relation, where it is one of them."""
+    declared: DeclaredThread | None = None
+    """The thread by which it is turned out, where one was declared."""
     stage: str = ""
     """The stage that answered."""
     blocked_by: tuple[int, ...] = ()
@@ -88,11 +94,13 @@ class Cascade:
         self.threads = Threads(self.blocking, config=config.unscrew)
         self.traced = 0
         """Tracing steps that threads and physics took so far."""
+        self.shared = SharedBodies(self.blocking, config=config.shared)
         self._held: dict[int, list[int]] = {}
         self._failed: dict[int, list[tuple[int, int, Separation]]] = {}
         self._found: dict[int, list[Separation]] = {}
         self._turned: dict[tuple[int, int], Removal] = {}
         self._resting: dict[int, list[tuple[int, Separation]]] = {}
+        self._declared: dict[tuple[int, int, tuple[float, ...]], tuple[Removal, DeclaredThread] | None] = {}
 
     def single(
         self,
@@ -101,15 +109,35 @@ class Cascade:
         *,
         preference: Callable[[Float[np.ndarray, "3"]], float],
         banned: frozenset[tuple[int, int]] = frozenset(),
+        among: Collection[int] | None = None,
     ) -> Separation | None:
-        """Return a removal by one translation along a direction of the relation, the most preferred; or None."""
+        """Return a removal by one translation along a direction of the relation, the most preferred; or None.
+
+        ``among``: the signed directions that are asked for; all if None.
+        """
         others = remaining & ~(1 << part)
         table = self.blocking
-        order = sorted(range(table.count_signed), key=lambda s: (-round(preference(table.direction(s)), 6), s))
+        asked = range(table.count_signed) if among is None else among
+        order = sorted(asked, key=lambda s: (-round(preference(table.direction(s)), 6), s))
         for signed in order:
             if (1 << part, signed) not in banned and table.is_free(part, signed, others):
                 return self._straight(part, others, table.direction(signed), signed=signed, stage="blocking")
         return None
+
+    def turned(self, part: int, remaining: int, separation: Separation) -> Separation:
+        """Return a separation by one translation as one by a declared thread, where the part has one; else as it is."""
+        if not self.config.declare.enabled or separation.removal is None:
+            return separation
+        others = remaining & ~(1 << part)
+        key = (part, others, tuple(separation.removal.exit_direction.tolist()))
+        if key not in self._declared:
+            self._declared[key] = declared_removal(
+                self.shared, self.threads, part, bits(others), separation.removal, config=self.config.declare
+            )
+        found = self._declared[key]
+        if found is None:
+            return separation
+        return replace(separation, removal=found[0], declared=found[1], stage="declared thread")
 
     def unscrewed(self, part: int, remaining: int) -> Separation:
         """Return the removal by the screw of a thread that the part shares with another, if that frees it."""

@@ -21,8 +21,8 @@ from sashimono.disassembly.verdict import VerdictConfig, worded
 from sashimono.plan import Answer
 
 Ban = tuple[int, int]
-"""Parts that leave together (a mask) and a signed direction (-1: any motion that is not one of them) that
-later levels refused."""
+"""Parts that leave together (a mask) and a signed direction that later levels refused; -1: any motion that is not
+one of them; -2 - s: a declared thread along s, but not the straight pull."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +60,13 @@ class Departure:
     def ban(self) -> Ban:
         """What is to be refused if this departure does not hold."""
         return (self.members, -1 if self.separation.signed is None else self.separation.signed)
+
+    @property
+    def path_ban(self) -> Ban:
+        """What is to be refused if its path does not hold: of a declared thread the turn, but not the straight pull."""
+        if self.separation.declared is None or self.separation.signed is None:
+            return self.ban
+        return (self.members, -2 - self.separation.signed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,7 +197,10 @@ class _Chooser:
         return self.cascade.single(part, remaining, preference=worth, banned=self.banned) is not None
 
     def next_single(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
-        """The best part that one translation frees; the maps rank, tracing decides."""
+        """The best part that one translation frees; the maps rank, tracing decides.
+
+        Who can leave without ploughing through what he overlaps goes first, and that way.
+        """
         table, worth = self.cascade.blocking, self.preference(last)
         worths = [worth(table.direction(signed)) for signed in range(table.count_signed)]
         ranked = []
@@ -201,15 +211,26 @@ class _Chooser:
                 for s in range(table.count_signed)
                 if (1 << part, s) not in self.banned and not table.masks(part, s)[0] & others
             ]
-            if free:
-                score = max(worths[s] for s in free) + self.config.small_first * self.smallness[part]
-                score += self.config.connected * self.connected(others)
-                ranked.append((-round(score, 6), part))
-        for _, part in sorted(ranked):
-            separation = self.cascade.single(part, remaining, preference=worth, banned=self.banned)
+            rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
+            for ploughs, signed in self._by_ploughing(part, others, free):
+                ranked.append((ploughs, -round(max(worths[s] for s in signed) + rest, 6), part, signed))
+        for _, _, part, signed in sorted(ranked):
+            separation = self.cascade.single(part, remaining, preference=worth, banned=self.banned, among=signed)
             if separation is not None:
+                if (1 << part, -2 - (separation.signed or 0)) not in self.banned:
+                    separation = self.cascade.turned(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
+
+    def _by_ploughing(self, part: int, others: int, free: list[int]) -> Iterator[tuple[bool, list[int]]]:
+        """Yield the free directions that do not plough through what the part overlaps, then those that do."""
+        table, shared = self.cascade.blocking, self.cascade.shared
+        overlapped = shared.overlapping(part, bits(others))
+        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, table.direction(s)) for s in free}
+        for ploughs in (False, True):
+            signed = [s for s in free if through[s] == ploughs]
+            if signed:
+                yield ploughs, signed
 
     def next_further(
         self, remaining: int, protected: int, ask: Callable[[int, int], Separation]

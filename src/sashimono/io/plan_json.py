@@ -15,7 +15,18 @@ import numpy as np
 from sashimono.assembly import Overlap, Source
 from sashimono.errors import PlanFormatError
 from sashimono.io.plan_schema import first_violation
-from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Subassembly, Table, Unsolved
+from sashimono.plan import (
+    Answer,
+    AssemblyPlan,
+    Contact,
+    DeclaredHelix,
+    Motion,
+    Segment,
+    Step,
+    Subassembly,
+    Table,
+    Unsolved,
+)
 
 FORMAT = "sashimono.plan"
 VERSION = 1
@@ -118,6 +129,8 @@ def _step_document(step: Step) -> dict[str, Any]:
         "contact_reason": step.contact_reason,
         "evidence": step.motion.evidence,
     }
+    if step.declared is not None:
+        out["declared"] = _declared_document(step.declared)
     if step.moving:
         out["moving"] = step.moving
     if step.subassembly is not None:
@@ -128,6 +141,18 @@ def _step_document(step: Step) -> dict[str, Any]:
             "steps": [_step_document(inner) for inner in inside.steps],
         }
     return out
+
+
+def _declared_document(declared: DeclaredHelix) -> dict[str, Any]:
+    return {
+        "kind": "helix",
+        "axis": declared.axis,
+        "point": declared.point,
+        "pitch": declared.pitch,
+        "with": declared.other,
+        "start": declared.start,
+        "stop": declared.stop,
+    }
 
 
 def _table_document(table: Table | None) -> dict[str, Any] | None:
@@ -247,6 +272,7 @@ def _step(step: Mapping[str, Any]) -> Step:
         contact_reason=step.get("contact_reason"),
         moving=tuple(step.get("moving", ())),
         subassembly=_subassembly(step["subassembly"]) if step.get("subassembly") is not None else None,
+        declared=_declared(step.get("declared")),
     )
 
 
@@ -255,6 +281,19 @@ def _subassembly(inside: Mapping[str, Any]) -> Subassembly:
         order=tuple(inside["order"]),
         steps=tuple(_step(step) for step in inside["steps"]),
         table=_table(inside["table"]),
+    )
+
+
+def _declared(declared: Mapping[str, Any] | None) -> DeclaredHelix | None:
+    if declared is None:
+        return None
+    return DeclaredHelix(
+        axis=np.array(declared["axis"], dtype=np.float64),
+        point=np.array(declared["point"], dtype=np.float64),
+        pitch=declared["pitch"],
+        other=declared["with"],
+        start=declared["start"],
+        stop=declared["stop"],
     )
 
 

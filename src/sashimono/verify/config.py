@@ -26,6 +26,8 @@ class VerifyConfig:
     """Poses of each touching pair and step at which the exact intersection body is measured as well."""
     pose_tolerance: float = 1e-6
     """Largest deviation of a rotation from orthonormal, and of a pose from the assembled one over the part's size."""
+    declared_tolerance: float = 1e-3
+    """Largest deviation of a stretch that is declared to follow a thread from it in one turn, over the pitch."""
     resting_tolerance: float = 0.005
     """Height up to which a vertex counts as standing on the table, over the part's smallest extent."""
     contact_tolerance: float = 1e-4

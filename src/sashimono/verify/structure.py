@@ -12,6 +12,7 @@ from sashimono.assembly import Assembly
 from sashimono.geometry import se3
 from sashimono.plan import AssemblyPlan, Motion, Step, Table
 from sashimono.verify.config import VerifyConfig
+from sashimono.verify.declared import declared_problems
 
 
 def plan_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> tuple[list[str], list[str]]:
@@ -115,6 +116,7 @@ def step_problems(
     problems += _group_problems(step, bool(placed), unsolved)
     problems += _path_problems(step.motion, bool(placed), config)
     if not problems:
+        problems += declared_problems(step, config)
         for name in members(step):
             part = assembly.part(name)
             if not same_pose(member_poses(step, name, assembly)[-1], part.T_world_part, part.vertices_part, config):

@@ -115,6 +115,7 @@ def _step(played: PlayedStep, timing: StepTiming, assembly: Assembly) -> dict[st
         "times": timing.pose_times.tolist(),
         "poses": [pose_rows(T) for T in played.poses],
         "segments": [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in played.segments],
+        "declaredPitch": None if step.declared is None else _finite(step.declared.pitch),
         "contact": None if step.contact is None else _contact(step.contact),
         "contactReason": step.contact_reason,
         "penetration": _finite(evidence.get("max_penetration")),

@@ -47,6 +47,9 @@ function deepest(steps) {
 function describeStep(step) {
   const facts = [];
   if (step.segments.length) facts.push(step.segments.map((s) => s.kind).filter((kind) => kind !== "carry").join(" → "));
+  if (step.declaredPitch !== null) {
+    facts.push(`screwed in, pitch ${formatLength(step.declaredPitch)} (declared: the CAD has no thread)`);
+  }
   if (step.contact) facts.push(`${step.contact.kind}${step.contact.kind === "grasp" && step.contact.quality !== null ? `, quality ${+step.contact.quality.toPrecision(3)}` : ""}`);
   else if (step.contactReason) facts.push(`no contact: ${step.contactReason}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
