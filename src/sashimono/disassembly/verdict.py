@@ -25,6 +25,8 @@ class VerdictConfig:
 
     accuracy: float = 0.02
     """To which the depth is found, over itself."""
+    tolerance: float = 0.02
+    """Depth beyond the assembled overlap that a plan may have, over the pair's scale (`Blocking.scale`)."""
     most: float = 1.0
     """Depth over the smaller part's smallest extent from which on nothing is said of it: no fit, but a wall."""
     interlocked: int = 4
@@ -129,9 +131,10 @@ def _along(
         def passes(limit: float, other: int = other) -> bool:
             return bool(np.isinf(blocking.travel(part, np.zeros(3), direction, other, tolerance=limit)))
 
-        if passes(max(depth, blocking.config.tolerance * size)):
+        bare = blocking.config.tolerance * blocking.scale(part, other)
+        if passes(max(depth, bare)):
             continue
-        low, high = max(depth, blocking.config.tolerance * size), min(most, config.most * size)
+        low, high = max(depth, bare), min(most, config.most * size)
         if high <= low or not passes(high):
             return None
         while high - low > config.accuracy * high:
@@ -140,7 +143,7 @@ def _along(
         depth, deepest = high, other
     if deepest is None:
         return None
-    tolerance = blocking.config.tolerance * float(min(blocking.sizes[part], blocking.sizes[deepest]))
+    tolerance = config.tolerance * blocking.scale(part, deepest)
     return Give(direction=direction, depth=depth, tolerance=tolerance, other=deepest)
 
 
