@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.separate import Separation
@@ -95,26 +95,6 @@ def worded(
     return tuple((part, out[part]) for part, _ in said)
 
 
-def separate_solids(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> int:
-    """Return into how many solids a part falls whose boxes do not even touch: it is no rigid body then."""
-    of_face = topology.shells(faces)
-    boxes = [vertices[faces[of_face == k]].reshape(-1, 3) for k in range(int(of_face.max()) + 1)]
-    groups = [(points.min(axis=0), points.max(axis=0)) for points in boxes]
-    merged = True
-    while merged:
-        merged = False
-        kept: list[tuple[np.ndarray, np.ndarray]] = []
-        for low, high in groups:
-            near = next((k for k, (a, b) in enumerate(kept) if (low <= b).all() and (a <= high).all()), None)
-            if near is None:
-                kept.append((low, high))
-            else:
-                kept[near] = (np.minimum(kept[near][0], low), np.maximum(kept[near][1], high))
-                merged = True
-        groups = kept
-    return len(groups)
-
-
 def _along(
     blocking: Blocking,
     part: int,
@@ -158,10 +138,15 @@ def _measured(blocking: Blocking, part: int, others: Sequence[int], give: Give |
             f" ({direction_name(give.direction)}; {_mm(give.tolerance)} is tolerated)"
         )
     for one in (part, *others):
-        count = separate_solids(blocking.vertices(one), blocking.faces(one))
+        count = _count_solids(blocking, one)
         if count > 1 and (one == part or (give is not None and one == give.other) or len(others) == 1):
-            words += f"; {names[one]} is {count} separate solids that move as one"
+            words += f"; {names[one]} is {count} separate solids that move as one: plan again with --split all"
     return words
+
+
+def _count_solids(blocking: Blocking, part: int) -> int:
+    vertices, faces = blocking.vertices(part), blocking.faces(part)
+    return len(topology.split_solids(vertices, faces)) if topology.shells(faces).max() > 0 else 1
 
 
 def _mm(length: float) -> str:
