@@ -10,7 +10,7 @@ from sashimono.bodies import make_bodies, make_body
 from sashimono.disassembly.physics import PhysicsConfig
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
-from sashimono.disassembly.verdict import VerdictConfig, least_give, separate_solids
+from sashimono.disassembly.verdict import VerdictConfig, least_give
 from sashimono.geometry.overlap import intersection_depth
 from sashimono.verify import VerifyConfig
 from sashimono.verify.body import Body as CheckedBody
@@ -39,10 +39,3 @@ def test_a_snap_fit_says_how_deep_the_part_would_go() -> None:
     found = find_disassembly(cascade, config=SequenceConfig())
     ((part, separation),) = found.stuck
     assert f"straight out, {given.names[part]} goes at least 0.5" in separation.reason
-
-
-def test_solids_apart_in_one_part_are_counted() -> None:
-    apart = part("pins", box((2.0, 2.0, 2.0)) + box((2.0, 2.0, 2.0), at=(9.0, 0.0, 0.0)))
-    whole = part("pin", box((2.0, 2.0, 2.0)))
-    assert separate_solids(apart.vertices_part, apart.faces) == 2
-    assert separate_solids(whole.vertices_part, whole.faces) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -57,6 +58,8 @@ class Source:
     """Of the file, or of the sorted (name, content hash) list of a folder."""
     unit: str
     """Unit of the source coordinates ("m", "mm", ...); the assembly itself is in metres."""
+    split: Literal["auto", "all", "none"] = "none"
+    """Which parts of several solids were taken apart (`ReadConfig.split`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,6 +25,7 @@ from sashimono.errors import SashimonoError
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
     from sashimono.disassembly.separate import Cascade
+    from sashimono.io.raw import ReadConfig
     from sashimono.plan import AssemblyPlan
 
 OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
@@ -45,6 +46,12 @@ InputPath = Annotated[
     Path, typer.Argument(metavar="INPUT", help=".step/.stp, a folder of .obj/.stl/.ply in place, .glb/.gltf or .3mf")
 ]
 Unit = Annotated[str | None, typer.Option(metavar="UNIT", help="unit of INPUT where its format has none: mm, m, ...")]
+SPLITS = ("auto", "all", "none")
+"""What ``--split`` takes."""
+
+Split = Annotated[
+    str, typer.Option(help="parts of several solids: apart where solids lie apart (auto), all apart (all), or none")
+]
 Seed = Annotated[int, typer.Option(min=0, help="seed of every random choice")]
 
 
@@ -116,6 +123,7 @@ def plan(
     source: InputPath,
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for plan.json, plan.html and plan.glb")],
     unit: Unit = None,
+    split: Split = "auto",
     seed: Seed = 0,
     method: Annotated[str, typer.Option(help="how removals are found: cascade, or physics (Algorithm 1)")] = "cascade",
     device: Annotated[
@@ -139,7 +147,8 @@ def plan(
         raise SashimonoError(f"--device {device} is for --method physics. Leave it out, or choose that method.")
     _refuse_unwritable(out)
     options = {"method": method, "device": device, "gripper": gripper, "contacts": contacts}
-    return _plan_and_write(source, out, unit=unit, seed=seed, declare_threads=declare_threads, **options)
+    options |= {"unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
+    return _plan_and_write(source, out, **options)
 
 
 @app.command()
@@ -169,6 +178,7 @@ def conditions(
         int, typer.Option(min=0, metavar="N", help="sets a part for which more than one translation is searched")
     ] = 64,
     unit: Unit = None,
+    split: Split = "auto",
     seed: Seed = 0,
 ) -> int:
     """Find what must be gone before each part can leave, and how many orders that allows."""
@@ -178,7 +188,7 @@ def conditions(
 
     targets = {"--json": json_file, "--graph": graph_file}
     _refuse_bad_files(targets)
-    assembly = read_assembly(source, unit=unit)
+    assembly = read_assembly(source, unit=unit, config=_reading(split))
     found = _cascade(assembly, seed, max_queries=thorough).conditions()
     written = conditions_as_dict(found)
     _write_json(json_file, written)
@@ -201,6 +211,7 @@ def explain(
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")] = None,
     html_file: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="show it in 3D, in one page")] = None,
     unit: Unit = None,
+    split: Split = "auto",
     seed: Seed = 0,
 ) -> int:
     """Say why a part cannot leave: what stops it where, what must go first, what change would free it.
@@ -214,7 +225,7 @@ def explain(
     from sashimono.view import write_explanation
 
     _refuse_bad_files({"--json": json_file, "--html": html_file})
-    assembly = read_assembly(source, unit=unit)
+    assembly = read_assembly(source, unit=unit, config=_reading(split))
     staying = None if fixed is None else _names_in(fixed, assembly, option="--fixed")
     if part is not None and part not in assembly.names:
         raise SashimonoError(f"--part: {_no_such_part(part, assembly)}")
@@ -231,6 +242,15 @@ def explain(
             write_explanation(found, assembly, folder / html_file.name)
         typer.echo(f"open in a browser: {html_file.resolve()}")
     return OK if all(entry.answer is Answer.FREE for entry in found) else NO_PLAN
+
+
+def _reading(split: str) -> ReadConfig:
+    """Return the options of reading; SashimonoError for a value that ``--split`` does not take."""
+    from sashimono.io.raw import ReadConfig
+
+    if split not in SPLITS:
+        raise SashimonoError(f"--split {split} is not known. Choose one of: {', '.join(SPLITS)}.")
+    return ReadConfig(split=cast("Literal['auto', 'all', 'none']", split))
 
 
 def _names_in(text: str, assembly: Assembly, *, option: str) -> list[str]:
@@ -281,6 +301,7 @@ def _plan_and_write(
     out: Path,
     *,
     unit: str | None,
+    split: str = "auto",
     seed: int,
     method: str = "cascade",
     device: str | None = None,
@@ -298,7 +319,7 @@ def _plan_and_write(
     from sashimono.pipeline import PipelineConfig, plan_assembly
 
     named_gripper(gripper)
-    assembly = read_assembly(source, unit=unit)
+    assembly = read_assembly(source, unit=unit, config=_reading(split))
     for note in assembly.notes:
         typer.echo(f"note: {note}", err=True)
     with progress_display() as progress:

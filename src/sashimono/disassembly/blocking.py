@@ -49,7 +49,10 @@ class BlockingConfig:
     axial: float = 0.05
     """Overlap along the motion that counts as contact of end faces."""
     tolerance: float = 0.015
-    """Depth beyond the assembled overlap that the last look allows; under the verification tolerance."""
+    """Depth beyond the assembled overlap that the last look allows, over the pair's scale (`Blocking.scale`); under
+    the verification tolerance."""
+    thin_walls: float = 20.0
+    """A pair's scale is at most so many thicknesses of either part's thin walls: shells never slip through."""
     least_step: float = 1.0 / 64.0
     """Shortest step of the sphere tracing along a wall that the part slides on."""
 
@@ -74,6 +77,7 @@ class Blocking:
         self._vertex_start = np.cumsum([0] + [len(v) for v in self._vertices])
         self._face_start = np.cumsum([0] + [len(f) for f in self._faces])
         self.sizes = np.array([body.smallest_extent for body in self.bodies])
+        self._walls = np.array([body.wall for body in self.bodies])
         self.allowances = pair_allowances(assembly, self.bodies)
         self.directions = np.zeros((0, 3))
         self._boxes = np.array([[v.min(axis=0), v.max(axis=0)] for v in self._vertices])
@@ -211,7 +215,7 @@ class Blocking:
         length = min(length, _separation(a, b, T_b_a, along_b))
         if length <= 0.0:
             return np.inf
-        bare = self.config.tolerance * size if tolerance is None else tolerance
+        bare = self.config.tolerance * self.scale(part, other) if tolerance is None else tolerance
         limit = bare + float(self.allowances[part, other])
         travel = _march_both(a, b, T_b_a, along_b, length=length, limit=limit, least_step=step)
         if travel == 0.0 or self.allowances[part, other] <= bare:
@@ -223,9 +227,14 @@ class Blocking:
         rest = _march_both(a, b, T_b_a, along_b, length=length - parted, limit=bare, least_step=step)
         return min(travel, parted + rest)
 
+    def scale(self, a: int, b: int) -> float:
+        """Return the length of a pair that depth tolerances are tied to [m]: the smaller part's smallest extent."""
+        thin = self.config.thin_walls * min(self._walls[a], self._walls[b])
+        return float(min(self.sizes[a], self.sizes[b], thin))
+
     def limit(self, part: int, other: int) -> float:
         """Return how deep a pair may overlap on its way [m]."""
-        return float(self.allowances[part, other] + self.config.tolerance * min(self.sizes[part], self.sizes[other]))
+        return float(self.allowances[part, other] + self.config.tolerance * self.scale(part, other))
 
     def met(
         self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], among: Sequence[int]
@@ -294,7 +303,7 @@ class Blocking:
             self._slabs[line] = (np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts))
         low, high = self._slabs[line]
         overlap = np.minimum(high[a] - low[b], high[b] - low[a]).min()
-        return bool(overlap <= self.config.tolerance * min(self.sizes[a], self.sizes[b]))
+        return bool(overlap <= self.config.tolerance * self.scale(a, b))
 
     def _along(self, line: int, part: int) -> Float[np.ndarray, "vertex 3"]:
         key = (line, part)

@@ -30,7 +30,7 @@ class Paths:
     """
 
     def __init__(self, blocking: Blocking, part: int, others: Sequence[int], *, tolerance: float) -> None:
-        """Take in the parts, and the depth allowed beyond the assembled overlap, over the smaller part's extent."""
+        """Take in the parts, and the depth allowed beyond the assembled overlap, over the pair's scale."""
         self.tolerance = tolerance
         self.blocking = blocking
         self.part = part
@@ -80,7 +80,8 @@ class Paths:
         past = {other: self._past(D_start, rest, other, 1, fine) for other in self.near(D_start, twist=rest)}
         self.touched.update(other for other, first in past.items() if np.isfinite(first))
         stop = start + (u - start) * min(1.0, *past.values())
-        allowed = self.tolerance * size + float(self.blocking.allowances[self.part, stopper])
+        allowed = self.tolerance * self.blocking.scale(self.part, stopper)
+        allowed += float(self.blocking.allowances[self.part, stopper])
         return max(0.0, stop - (fine * size + allowed) / rate), stopper
 
     def check(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
@@ -102,7 +103,7 @@ class Paths:
         """
         table = self.blocking
         for other in self.others:
-            bare = table.config.tolerance * min(self.size, float(table.sizes[other]))
+            bare = table.config.tolerance * table.scale(self.part, other)
             if table.allowances[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True
@@ -192,7 +193,7 @@ class Paths:
         b = table.bodies[other]
         size = min(self.size, float(table.sizes[other]))
         if limit is None:
-            limit = float(table.allowances[self.part, other]) + self.tolerance * size
+            limit = float(table.allowances[self.part, other]) + self.tolerance * table.scale(self.part, other)
         options = {"limit": limit, "least_step": least * size}
         T_b_world = se3.inverse(table.poses[other])
         T_b_a = T_b_world @ D @ self.T_assembled

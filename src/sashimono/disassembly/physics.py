@@ -33,7 +33,7 @@ class PhysicsConfig:
     slippage_pushes: bool = True
     """Whether the screws that the contacts leave free are followed too."""
     tolerance: float = 0.0075
-    """Depth beyond the assembled overlap that the check of a path allows, over the smaller part's smallest extent;
+    """Depth beyond the assembled overlap that the check of a path allows, over the pair's scale (`Blocking.scale`);
     half of what straight removals may: paths that use it up (out of the last turn of a thread) hit between probes."""
     max_pushes: int = 80
     """Pushes simulated for one part."""

@@ -272,8 +272,7 @@ class _BestFirst:
 
     def _tolerated(self, other: int) -> float:
         """The depth that a plan may have [m]."""
-        sizes = self.blocking.sizes
-        share = self.config.space.tolerance * float(min(sizes[self.part], sizes[other]))
+        share = self.config.space.tolerance * self.blocking.scale(self.part, other)
         return share + float(self.blocking.allowances[self.part, other])
 
     def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:

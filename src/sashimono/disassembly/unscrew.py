@@ -33,7 +33,8 @@ class UnscrewConfig:
     max_faces: int = 40_000
     """Faces of one part looked at; of a finer mesh, every second, third, ... one."""
     tolerance: float = 0.0075
-    """Depth beyond the assembled overlap that the check of a path allows, over the smaller part's smallest extent."""
+    """Depth beyond the assembled overlap that the check of a path allows, over the pair's scale
+    (`Blocking.scale`)."""
     leg: float = 2.0 * np.pi / 3.0
     """Turn of one stretch [rad]; geodesics need less than π."""
     most_turned: float = 0.9 * np.pi
@@ -113,7 +114,7 @@ def _starts(
     in place: seen along the thread, that is a shift the other way. Last, with the overlap as it is.
     """
     table = paths.blocking
-    limit = config.tolerance * min(paths.size, float(table.sizes[other]))
+    limit = config.tolerance * table.scale(paths.part, other)
     if table.allowances[paths.part, other] > limit:
         lead = 2.0 * np.pi * abs(helix.pitch)
         shifts = np.arange(1, config.offsets) * (lead / config.offsets)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.separate import Separation
@@ -25,6 +25,8 @@ class VerdictConfig:
 
     accuracy: float = 0.02
     """To which the depth is found, over itself."""
+    tolerance: float = 0.02
+    """Depth beyond the assembled overlap that a plan may have, over the pair's scale (`Blocking.scale`)."""
     most: float = 1.0
     """Depth over the smaller part's smallest extent from which on nothing is said of it: no fit, but a wall."""
     interlocked: int = 4
@@ -93,26 +95,6 @@ def worded(
     return tuple((part, out[part]) for part, _ in said)
 
 
-def separate_solids(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> int:
-    """Return into how many solids a part falls whose boxes do not even touch: it is no rigid body then."""
-    of_face = topology.shells(faces)
-    boxes = [vertices[faces[of_face == k]].reshape(-1, 3) for k in range(int(of_face.max()) + 1)]
-    groups = [(points.min(axis=0), points.max(axis=0)) for points in boxes]
-    merged = True
-    while merged:
-        merged = False
-        kept: list[tuple[np.ndarray, np.ndarray]] = []
-        for low, high in groups:
-            near = next((k for k, (a, b) in enumerate(kept) if (low <= b).all() and (a <= high).all()), None)
-            if near is None:
-                kept.append((low, high))
-            else:
-                kept[near] = (np.minimum(kept[near][0], low), np.maximum(kept[near][1], high))
-                merged = True
-        groups = kept
-    return len(groups)
-
-
 def _along(
     blocking: Blocking,
     part: int,
@@ -129,9 +111,10 @@ def _along(
         def passes(limit: float, other: int = other) -> bool:
             return bool(np.isinf(blocking.travel(part, np.zeros(3), direction, other, tolerance=limit)))
 
-        if passes(max(depth, blocking.config.tolerance * size)):
+        bare = blocking.config.tolerance * blocking.scale(part, other)
+        if passes(max(depth, bare)):
             continue
-        low, high = max(depth, blocking.config.tolerance * size), min(most, config.most * size)
+        low, high = max(depth, bare), min(most, config.most * size)
         if high <= low or not passes(high):
             return None
         while high - low > config.accuracy * high:
@@ -140,7 +123,7 @@ def _along(
         depth, deepest = high, other
     if deepest is None:
         return None
-    tolerance = blocking.config.tolerance * float(min(blocking.sizes[part], blocking.sizes[deepest]))
+    tolerance = config.tolerance * blocking.scale(part, deepest)
     return Give(direction=direction, depth=depth, tolerance=tolerance, other=deepest)
 
 
@@ -155,10 +138,15 @@ def _measured(blocking: Blocking, part: int, others: Sequence[int], give: Give |
             f" ({direction_name(give.direction)}; {_mm(give.tolerance)} is tolerated)"
         )
     for one in (part, *others):
-        count = separate_solids(blocking.vertices(one), blocking.faces(one))
+        count = _count_solids(blocking, one)
         if count > 1 and (one == part or (give is not None and one == give.other) or len(others) == 1):
-            words += f"; {names[one]} is {count} separate solids that move as one"
+            words += f"; {names[one]} is {count} separate solids that move as one: plan again with --split all"
     return words
+
+
+def _count_solids(blocking: Blocking, part: int) -> int:
+    vertices, faces = blocking.vertices(part), blocking.faces(part)
+    return len(topology.split_solids(vertices, faces)) if topology.shells(faces).max() > 0 else 1
 
 
 def _mm(length: float) -> str:

@@ -221,6 +221,31 @@ def _outermost(nest: Nesting, depth: Int[np.ndarray, "shell"], shell: int) -> in
     return int(holders[np.argmin(depth[holders])]) if len(holders) else shell
 
 
+def split_apart(
+    vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]
+) -> list[Int[np.ndarray, "_ 3"]]:
+    """Return the faces of each group of shells whose boxes are apart from those of all others, in file order.
+
+    No rigid body holds such groups together; shells whose boxes meet may touch, enclose or hold one another.
+    """
+    of_face = shells(faces)
+    members = [faces[of_face == k] for k in range(int(of_face.max()) + 1)]
+    boxes = [(vertices[own].min(axis=(0, 1)), vertices[own].max(axis=(0, 1))) for own in members]
+    groups = [([k], low, high) for k, (low, high) in enumerate(boxes)]
+    count = len(groups) + 1
+    while len(groups) < count:  # a box that grew may meet more
+        count, kept = len(groups), []
+        for indices, low, high in groups:
+            near = next((k for k, (_, a, b) in enumerate(kept) if (low <= b).all() and (a <= high).all()), None)
+            if near is None:
+                kept.append((indices, low, high))
+            else:
+                others, a, b = kept[near]
+                kept[near] = ([*others, *indices], np.minimum(low, a), np.maximum(high, b))
+        groups = kept
+    return [np.concatenate([members[k] for k in sorted(indices)]) for indices, _, _ in groups]
+
+
 def split_solids(
     vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]
 ) -> list[Int[np.ndarray, "_ 3"]]:

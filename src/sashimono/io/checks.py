@@ -35,8 +35,6 @@ def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadCo
             color=part.color,
         ))  # fmt: skip
         notes += [f"{part.name}: {', '.join(result.mended)}"] if result.mended else []
-        if result.bodies > 1:
-            notes.append(f"{part.name}: {result.bodies} separate bodies, kept together as one rigid part")
     if broken:
         raise InputError(_refusal(broken, source, repair))
     return parts, notes

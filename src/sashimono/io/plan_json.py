@@ -97,7 +97,12 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         "version": VERSION,
         "status": plan.status,
         "unit": "m",
-        "source": {"path": plan.source.path, "sha256": plan.source.sha256, "unit": plan.source.unit},
+        "source": {
+            "path": plan.source.path,
+            "sha256": plan.source.sha256,
+            "unit": plan.source.unit,
+            "split": plan.source.split,
+        },
         "interpolation": "geodesic",
         "table": _table_document(plan.table),
         "parts": [{"name": name, "T_world_part": T} for name, T in plan.parts.items()],
@@ -230,7 +235,9 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
     source = document["source"]
     return AssemblyPlan(
         status=document["status"],
-        source=Source(path=source["path"], sha256=source["sha256"], unit=source["unit"]),
+        source=Source(
+            path=source["path"], sha256=source["sha256"], unit=source["unit"], split=source.get("split", "none")
+        ),
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
         order=tuple(document["order"]),
         steps=tuple(_step(step) for step in document["steps"]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -31,6 +32,9 @@ class ReadConfig:
     """Tessellation of STEP: largest turn between neighbouring chords [rad]."""
     step_retries: tuple[float, ...] = (1.7, 3.0, 0.6)
     """Where the converter left faces of a part out: the tessellation is tried again, this many times as coarse."""
+    split: Literal["auto", "all", "none"] = "auto"
+    """Parts that are several solids: taken apart where solids lie apart, box from box, so that nothing can hold them
+    together; into all their solids; or never."""
     weld: float = 1e-5
     """Vertices nearer than this are one where a surface is not closed otherwise, over the part's diagonal."""
     hole_area: float = 0.02

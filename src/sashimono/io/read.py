@@ -18,6 +18,7 @@ from sashimono.io.checks import close_parts, find_overlaps, size_note
 from sashimono.io.folders import read_folder
 from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig
 from sashimono.io.scenes import read_3mf_scene, read_gltf_scene, unique_names
+from sashimono.io.split import split_parts
 from sashimono.io.step import read_step
 
 SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
@@ -53,11 +54,13 @@ def read_assembly(
     names = unique_names([part.name for part in raw_parts])
     raw_parts = [replace(part, name=name) for part, name in zip(raw_parts, names, strict=True)]
     parts, mend_notes = close_parts(raw_parts, source=str(path), repair=repair, config=config)
-    notes += [*split_notes, *mend_notes, *size_note(parts, raw.unit, config)]
+    parts, kept_notes = split_parts(parts, config=config)
+    names = [part.name for part in parts]
+    notes += [*split_notes, *mend_notes, *kept_notes, *size_note(parts, raw.unit, config)]
     same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
     return Assembly(
         parts=tuple(parts),
-        source=Source(path=str(path), sha256=_digest(raw.files, path), unit=raw.unit),
+        source=Source(path=str(path), sha256=_digest(raw.files, path), unit=raw.unit, split=config.split),
         overlaps=find_overlaps(parts, config),
         identical=tuple(tuple(names[k] for k in members) for members in same),
         notes=tuple(notes),

@@ -10,6 +10,7 @@ from sashimono.assembly import Assembly
 from sashimono.errors import InputError
 from sashimono.geometry import se3
 from sashimono.io.plan_json import read_plan
+from sashimono.io.raw import ReadConfig
 from sashimono.io.read import read_assembly
 from sashimono.plan import AssemblyPlan, Step, Table
 from sashimono.verify.body import Body
@@ -72,7 +73,8 @@ def verify_file(
     found = [path for path in candidates if path.exists()]
     if not found:
         raise InputError(f"{plan_path}: its input {plan.source.path} is not there. Name it with --input.")
-    assemblies = (read_assembly(path, unit=plan.source.unit) for path in found)
+    options = ReadConfig(split=plan.source.split)
+    assemblies = (read_assembly(path, unit=plan.source.unit, config=options) for path in found)
     return verify_plan(plan, _matching(assemblies, plan.source.sha256), config=config)
 
 
