@@ -72,7 +72,11 @@ def test_a_thin_coaxial_tube_is_a_thread(hole: float, is_thread: bool) -> None:
 
 
 def test_two_pins_in_one_part_are_no_thread() -> None:
-    pins = rod(0.003, 0.01, (0.01, 0.0, 0.0)) + rod(0.003, 0.01, (-0.01, 0.0, 0.0)) + box((0.03, 0.01, 0.002), Z * 6e-3)
+    pins = (
+        rod(0.003, 0.01, (0.01, 0.0, 0.0))
+        + rod(0.003, 0.01, (-0.01, 0.0, 0.0))
+        + box((0.03, 0.01, 0.002), (0.0, 0.0, 0.006))
+    )
     holes = rod(0.0025, 0.03, (0.01, 0.0, 0.0)) + rod(0.0025, 0.03, (-0.01, 0.0, 0.0))
     found = taken_apart(assembly(block=box((0.05, 0.05, 0.01)) - holes, pins=pins))
     assert [departure.separation.declared for departure in found.removals] == [None]

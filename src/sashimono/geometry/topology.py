@@ -87,6 +87,11 @@ def _face_pairs(e: Edges) -> tuple[Int[np.ndarray, "pair 2"], Bool[np.ndarray, "
     return (order // 3).reshape(-1, 2), e.net[flat[order[::2]]] == 0
 
 
+def neighbouring_faces(faces: Int[np.ndarray, "face 3"]) -> Int[np.ndarray, "pair 2"]:
+    """Return the two faces at each edge that has exactly two."""
+    return _face_pairs(edges(faces))[0]
+
+
 def shells(faces: Int[np.ndarray, "face 3"]) -> Int[np.ndarray, "face"]:
     """Return the shell of each face: faces joined across two-faced edges, numbered by first appearance."""
     pairs, _ = _face_pairs(edges(faces))

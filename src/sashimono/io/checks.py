@@ -8,6 +8,7 @@ from manifold3d import Manifold
 from sashimono.assembly import Overlap, Part
 from sashimono.errors import InputError
 from sashimono.geometry.solid import to_manifold
+from sashimono.io.folds import count_folded
 from sashimono.io.mend import Surface, close_surface
 from sashimono.io.raw import RawPart, ReadConfig
 
@@ -35,6 +36,8 @@ def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadCo
             color=part.color,
         ))  # fmt: skip
         notes += [f"{part.name}: {', '.join(result.mended)}"] if result.mended else []
+        if (folded := count_folded(result.vertices, result.faces, config=config)) > 0:
+            notes.append(f"{part.name}: folded onto itself at {folded} triangles or more; depths near them are unsure")
     if broken:
         raise InputError(_refusal(broken, source, repair))
     return parts, notes

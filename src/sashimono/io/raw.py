@@ -43,6 +43,12 @@ class ReadConfig:
     """How far a hole's rim may leave its plane to be filled, over the rim's diagonal."""
     overlap: float = 1e-6
     """Overlaps below this fraction of the smaller part's volume are rounding, and not reported."""
+    fold_angle: float = 0.4
+    """Neighbouring triangles are back to back if the angle between them is smaller [rad]."""
+    fold_step: float = 1e-3
+    """How far before and behind such a triangle it is asked what is inside, over the root of twice its area."""
+    max_folds: int = 400
+    """Triangles of one part of which that is asked."""
     smallest: float = 1e-3
     """Assemblies with a smaller diagonal [m] get a note to check the unit."""
     largest: float = 100.0
