@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from solids import box, part, rod
@@ -28,7 +30,7 @@ def pins_and_bearing() -> list[Part]:
         ("none", ["pins", "bearing", "shell"]),
     ],
 )
-def test_solids_that_lie_apart_become_parts(split: str, names: list[str]) -> None:
+def test_solids_that_lie_apart_become_parts(split: Literal["auto", "all", "none"], names: list[str]) -> None:
     given = pins_and_bearing()
     parts, notes = split_parts(given, config=ReadConfig(split=split))
     assert [p.name for p in parts] == names
