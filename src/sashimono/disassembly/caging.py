@@ -18,17 +18,17 @@ class Cages:
     def __init__(self, blocking: Blocking, *, config: SpaceConfig) -> None:
         self._blocking = blocking
         self._config = config
-        self._part = -1
+        self._part, self._proven = -1, False
         self._spaces: dict[tuple[float, tuple[int, ...]], Space] = {}
 
-    def knows(self, part: int) -> bool:
-        """Return whether lattices of this part are at hand."""
-        return part == self._part
+    def has_proven(self, part: int) -> bool:
+        """Return whether the lattices at hand have proven anything of this part before."""
+        return part == self._part and self._proven
 
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
         if part != self._part:
-            self._part = part
+            self._part, self._proven = part, False
             self._spaces.clear()
         left = self._config.max_proof_work
         for resolution in self._config.proof_resolutions:
@@ -38,6 +38,7 @@ class Cages:
                 left -= space.cells
                 flood = space.flood(others, max_visited=self._config.max_proof_visited)
                 if flood.blocked:
+                    self._proven = True
                     return flood.proof
                 if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
                     break  # nothing left of the part, out of budget, or really out
@@ -48,5 +49,7 @@ class Cages:
     def _space(self, resolution: float, window: np.ndarray) -> Space:
         key = (resolution, tuple(window.ravel().tolist()))
         if key not in self._spaces:
+            while len(self._spaces) >= self._config.max_proof_spaces:
+                self._spaces.pop(next(iter(self._spaces)))
             self._spaces[key] = Space(self._blocking, self._part, resolution, config=self._config, window=window)
         return self._spaces[key]

@@ -36,7 +36,9 @@ class SpaceConfig:
     """Steps around the assembled pose with which a proof begins; it grows where the flood reaches the rim."""
     proof_growth: int = 3
     """How much it grows at once on that side."""
-    max_proof_work: int = 4_000_000
+    max_proof_spaces: int = 24
+    """Lattices that only prove, kept for the part at hand."""
+    max_proof_work: int = 2_500_000
     """Lattice points of all lattices looked at for one proof."""
     max_cells: int = 1_500_000
     """Most lattice points around the part; the window of displacements is cut to fit."""
@@ -46,7 +48,7 @@ class SpaceConfig:
     """Most lattice points that stand for one pair of parts; of more, evenly many are taken."""
     max_visited: int = 200_000
     """Most displacements visited by one flood."""
-    max_proof_visited: int = 20_000
+    max_proof_visited: int = 5_000
     """The same on a lattice that only proves."""
     max_lead: int = 2000
     """Most visited displacements that are kept to lead the search."""

@@ -30,7 +30,7 @@ class TranslationConfig:
     """Budgets of the search; they count work, never time."""
 
     space: SpaceConfig = field(default_factory=SpaceConfig)
-    max_legs: int = 60
+    max_legs: int = 40
     """Legs traced on each lattice; those that are stopped at once do not count."""
     max_branches: int = 12
     """Legs queued from one displacement along one direction."""
@@ -92,8 +92,8 @@ class TranslationSearch:
             if flood.blocked:
                 return _proven(flood.proof)
             led.append((space, flood))
-        # fine lattices cost more than the search, but once drawn, they answer other sets of obstacles at once
-        orders = (self._caged, self._led) if self._cages.knows(part) else (self._led, self._caged)
+        # fine lattices cost more than the search, but where they have proven one set, they prove its like at once
+        orders = (self._caged, self._led) if self._cages.has_proven(part) else (self._led, self._caged)
         found = TranslationResult(removal=None)
         for ask in orders:
             answer = ask(part, others, led)
