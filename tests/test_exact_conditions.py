@@ -10,6 +10,7 @@ from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import RemovalConditions
+from sashimono.disassembly.cspace import Space, SpaceConfig
 from sashimono.disassembly.flood import label
 from sashimono.disassembly.meeting import SceneBuilder, shell
 from sashimono.disassembly.paths import hit_by_path
@@ -205,3 +206,10 @@ def test_a_part_that_is_met_again_is_in_the_way_of_a_motion_found_without_it() -
     table = Cascade(parts, make_bodies(parts), config=SeparateConfig()).blocking
     ahead = Removal.straight(np.array([1.0, 0.0, 0.0]), 0.06)
     assert hit_by_path(table, 0, ahead, [1], tolerance=0.0075) == 0b10
+
+
+@pytest.mark.parametrize("thickness", [5e-7, 5e-6])
+def test_a_foil_has_more_lattice_points_than_a_word_counts(thickness: float) -> None:
+    parts = assembly(foil=box((1.0, 1.0, thickness)), slab=box((1.1, 1.1, 0.1), (0, 0, -0.05 - thickness)))
+    table = Cascade(parts, make_bodies(parts), config=SeparateConfig()).blocking
+    assert not Space(table, 0, 80.0, config=SpaceConfig()).flood(0b10).blocked
