@@ -10,8 +10,10 @@ from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import RemovalConditions
+from sashimono.disassembly.cspace import Space, SpaceConfig
 from sashimono.disassembly.flood import label
 from sashimono.disassembly.meeting import SceneBuilder, shell
+from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.geometry import se3
@@ -182,3 +184,32 @@ def test_the_points_that_are_kept_tell_what_all_points_would(seed: int, most: in
             assert not mask >> bit & 1 or any(met)
             if most > 4:
                 assert mask >> bit & 1 in (int(met[0]), int(met[1]))
+
+
+def test_a_ridge_lower_than_the_tolerance_proves_nothing() -> None:
+    """A block in a pocket goes over a ridge of a hundredth of its size, then up: contact normals alone deny it."""
+    pocket = box((0.04, 0.02, 0.02), (0.015, 0.005, 0.005)) - box((0.0202, 0.01, 0.01), (0.0101, 0.005, 0.005))
+    pocket -= box((0.0101, 0.01, 0.02), (0.01515, 0.005, 0.01))
+    pocket += box((0.0001, 0.01, 0.0001), (0.01005, 0.005, 0.00005))
+    parts = assembly(block=box((0.01, 0.01, 0.01), (0.005, 0.005, 0.005)), pocket=pocket)
+    said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).further(0, 0b11)
+    assert said.removal is not None, said.reason
+    assert not problems(parts, parts.parts[0], [parts.parts[1]], said.removal)
+
+
+def test_a_part_that_is_met_again_is_in_the_way_of_a_motion_found_without_it() -> None:
+    """A pin drawn into one wall may leave it so, but not go through the next: the overlap excuses no second wall."""
+    walls = box((0.01, 0.02, 0.02), (-0.005, 0, 0)) + box((0.002, 0.02, 0.02), (0.021, 0, 0))
+    walls += box((0.032, 0.02, 0.002), (0.006, 0, -0.011))
+    pin = box((0.0112, 0.002, 0.002), (0.0044, 0, 0))
+    parts = assembly(pin=pin, walls=walls)
+    table = Cascade(parts, make_bodies(parts), config=SeparateConfig()).blocking
+    ahead = Removal.straight(np.array([1.0, 0.0, 0.0]), 0.06)
+    assert hit_by_path(table, 0, ahead, [1], tolerance=0.0075) == 0b10
+
+
+@pytest.mark.parametrize("thickness", [5e-7, 5e-6])
+def test_a_foil_has_more_lattice_points_than_a_word_counts(thickness: float) -> None:
+    parts = assembly(foil=box((1.0, 1.0, thickness)), slab=box((1.1, 1.1, 0.1), (0, 0, -0.05 - thickness)))
+    table = Cascade(parts, make_bodies(parts), config=SeparateConfig()).blocking
+    assert not Space(table, 0, 80.0, config=SpaceConfig()).flood(0b10).blocked

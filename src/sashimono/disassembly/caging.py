@@ -31,9 +31,12 @@ class Cages:
             self._part, self._proven = part, False
             self._spaces.clear()
         left = self._config.max_proof_work
-        for resolution in self._config.proof_resolutions:
+        resolutions = self._config.proof_resolutions
+        for k, resolution in enumerate(resolutions):
             window = np.full((2, 3), self._config.proof_window)
-            while left > 0:
+            # a lattice that leaks must not grow until nothing is left for the finer ones
+            kept = left - left // (len(resolutions) - k)
+            while left > kept:
                 space = self._space(resolution, window)
                 left -= space.cells
                 flood = space.flood(others, max_visited=self._config.max_proof_visited)

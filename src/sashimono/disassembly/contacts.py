@@ -1,8 +1,8 @@
-"""First-order reading of a part's contacts: where they let it go, and a proof when they do not.
+"""First-order reading of a part's contacts: where they let it go, and which parts may hold it when they do not.
 
 A touching surface with unit normal g, pointing the way that relieves the contact, lets the part move
 along d only if ``g · d >= 0`` to first order. If every direction has some contact with ``g · d`` well
-below zero, no translation of the part alone exists.
+below zero, the part is likely held. That is no proof: a ridge lower than the tolerance has such normals too.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def escape_directions(
 
 
 def immobile_margin(margins: Mapping[int, Float[np.ndarray, "sample"]], *, margin: float) -> Sequence[int]:
-    """Return a set of parts whose contacts alone prove the part immobile: none can be left out."""
+    """Return a set of parts whose contacts alone hold the part, to first order: none can be left out."""
     needed = sorted(margins)
     for part in sorted(margins):
         rest = [k for k in needed if k != part]

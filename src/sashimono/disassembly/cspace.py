@@ -108,7 +108,7 @@ class Space:
         self.is_cut = bool((self.window < self.full).any())
         """Whether the rim of the lattice is not the way out yet."""
         shape = self.window.sum(axis=0) + 1
-        fits = np.prod(shape + count - 1) <= most
+        fits = np.prod(shape + count - 1, dtype=float) <= most
         self.cells = int(np.prod(shape + count - 1)) if fits else 0
         """Lattice points around the part, 0 if that is too many."""
         self._labels = np.zeros(tuple(int(n) for n in shape) if fits else (0, 0, 0), np.int64)
@@ -240,10 +240,10 @@ def cover(walls: list[int]) -> list[int]:
 def _fit(window: Int[np.ndarray, "2 3"], count: Int[np.ndarray, "3"], max_cells: int) -> Int[np.ndarray, "2 3"]:
     """Cut the widest reaches of the window until part and window fit the lattice."""
     low, high = 2, int(window.max())
-    if np.prod(count + window.sum(axis=0)) <= max_cells:
+    if np.prod(count + window.sum(axis=0), dtype=float) <= max_cells:
         return window
     while high - low > 1:
         middle = (low + high) // 2
-        fits = np.prod(count + np.minimum(window, middle).sum(axis=0)) <= max_cells
+        fits = np.prod(count + np.minimum(window, middle).sum(axis=0), dtype=float) <= max_cells
         low, high = (middle, high) if fits else (low, middle)
     return np.minimum(window, low)

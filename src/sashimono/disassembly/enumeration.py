@@ -61,7 +61,7 @@ def enumerate_clauses(
         if queries == max_queries or unproven == max_unproven:
             is_complete = False
             break
-        absent = min(undecided, key=lambda mask: (mask.bit_count(), mask))
+        absent = min(undecided, key=_rank)
         said = ask(everything & ~absent)
         queries += 1
         if said.clause is not None:
@@ -73,22 +73,34 @@ def enumerate_clauses(
         unproven += not said.is_proven
         core = said.core & ~absent or everything & ~absent
         cores.append(core)
-        undecided = _hitting(undecided, core, clauses)
-        if len(undecided) > max_undecided:
-            is_complete = False
-            undecided = undecided[:max_undecided]
+        undecided, is_cut = _hitting(undecided, core, clauses, most=max_undecided)
+        is_complete &= not is_cut
     return Enumeration(clauses=tuple(clauses), cores=tuple(cores), is_complete=is_complete, queries=queries)
 
 
-def _hitting(undecided: list[int], core: int, clauses: list[int]) -> list[int]:
-    """Extend the sets that miss a core by one of its parts each; drop what is not minimal, or covered by a clause."""
+def _hitting(undecided: list[int], core: int, clauses: list[int], *, most: int) -> tuple[list[int], bool]:
+    """Extend the sets that miss a core by one of its parts each; drop what is not minimal, or covered by a clause.
+
+    The smallest sets first, at most so many; and whether there would have been more. Those extended contain none of
+    one another, so only a set that hits the core by just the part added can make one of them superfluous.
+    """
     hit = [mask for mask in undecided if mask & core]
-    grown: set[int] = set()
-    for mask in undecided:
-        rest = 0 if mask & core else core
-        while rest:
-            more = mask | (rest & -rest)
+    by_part: dict[int, list[int]] = {}
+    for mask in hit:
+        by_part.setdefault(mask & core, []).append(mask)
+    out = list(hit)
+    for mask in sorted((mask for mask in undecided if not mask & core), key=_rank):
+        rest = core
+        while rest and len(out) <= len(hit) + most:
+            part = rest & -rest
             rest &= rest - 1
-            if not any(clause & ~more == 0 for clause in clauses):
-                grown.add(more)
-    return minimal([*hit, *grown])
+            more = mask | part
+            covering = (*by_part.get(part, ()), *clauses)
+            if not any(other & ~more == 0 for other in covering):
+                out.append(more)
+    out.sort(key=_rank)
+    return out[:most], len(out) > most
+
+
+def _rank(mask: int) -> tuple[int, int]:
+    return mask.bit_count(), mask

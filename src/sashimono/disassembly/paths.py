@@ -218,6 +218,8 @@ def hit_by_path(blocking: Blocking, part: int, removal: Removal, among: Sequence
     for other in among:
         paths = Paths(blocking, part, [other], tolerance=tolerance)
         displacements = removal.displacements
-        if not paths.check(displacements) or paths.exit(displacements[-1], removal.exit_direction) is None:
+        last = paths.exit(displacements[-1], removal.exit_direction) if paths.check(displacements) else None
+        # a part that the motion parts from, and meets again, is hit too
+        if last is None or not paths.parts_once(np.array([*displacements, last])):
             mask |= 1 << other
     return mask

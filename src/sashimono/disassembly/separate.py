@@ -46,7 +46,7 @@ class SeparateConfig:
     contact_gap: float = 0.01
     """Surfaces nearer than this share of the smaller part's extent touch."""
     proof_gap: float = 0.0025
-    """The same, where contacts are to prove that a part is held."""
+    """The same, where contacts are to tell which parts hold one."""
     escape_samples: int = 2000
     """Directions looked at when a way out is read off the contacts."""
     max_queries: int = 64
@@ -57,8 +57,8 @@ class SeparateConfig:
     max_undecided: int = 1000
     """Sets of obstacles waiting to be asked, for one part, at once; beyond, too, they are cut short."""
     proof_margin: float = 0.1
-    """Sine of the angle by which every direction must run into a touching surface to prove that no
-    translation exists; covers the spacing of the directions looked at."""
+    """Sine of the angle by which every direction must run into a touching surface for a proof that the touching
+    parts allow no translation to be looked for first; covers the spacing of the directions looked at."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -301,13 +301,13 @@ class Cascade:
             if all(np.isinf(table.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
                 return self._straight(part, others, direction, signed=None, stage="contacts")
         if margin < -config.proof_margin:
+            # a ridge lower than the tolerance touches too: this is a hint where a proof is to be had
             needed = immobile_margin(contacts, margin=config.proof_margin)
-            return Separation(
-                answer=Answer.PROVEN_BLOCKED,
-                stage="contacts",
-                blocked_by=tuple(needed),
-                reason="proven for translations of this part alone: every direction runs into a touching surface",
-            )
+            caged = self.translations.caged(part, needed)
+            if caged.proven:
+                return Separation(
+                    answer=Answer.PROVEN_BLOCKED, stage="contacts", blocked_by=caged.blocked_by, reason=caged.reason
+                )
         found = self.translations.search(part, bits(others))
         if found.removal is not None:
             return Separation(answer=Answer.FREE, removal=found.removal, stage="translation")

@@ -93,16 +93,17 @@ class TranslationSearch:
                 return _proven(flood.proof)
             led.append((space, flood))
         # fine lattices cost more than the search, but where they have proven one set, they prove its like at once
-        orders = (self._caged, self._led) if self._cages.has_proven(part) else (self._led, self._caged)
+        orders = (True, False) if self._cages.has_proven(part) else (False, True)
         found = TranslationResult(removal=None)
-        for ask in orders:
-            answer = ask(part, others, led)
+        for fine in orders:
+            answer = self.caged(part, others) if fine else self._led(part, others, led)
             if answer.proven or answer.removal is not None:
                 return answer
             found = answer if answer.reason else found
         return found
 
-    def _caged(self, part: int, others: Sequence[int], _: list[tuple[Space, Flood]]) -> TranslationResult:
+    def caged(self, part: int, others: Sequence[int]) -> TranslationResult:
+        """Return the proof on fine lattices that the others let the part nowhere by translations, or nothing."""
         proof = self._cages.prove(part, sum(1 << other for other in others))
         return TranslationResult(removal=None) if proof is None else _proven(proof)
 
