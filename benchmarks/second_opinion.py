@@ -24,6 +24,7 @@ from sashimono.assembly import Assembly
 from sashimono.io.read import read_assembly
 
 POSES_PER_STEP = 60
+POINTS = 3000
 TOLERANCE = 0.02
 
 
@@ -158,10 +159,14 @@ class Surfaces:
         self.meshes = {p.name: (np.array(p.vertices_part), p.faces.astype(np.int64)) for p in assembly.parts}
 
     def depth(self, common: manifold3d.Manifold, places: dict[str, np.ndarray]) -> float:
-        """Return the greatest distance of the shared body's corners from either surface, no signs needed."""
+        """Return the greatest distance of the shared body's surface from either surface, no signs needed.
+
+        Looked at on edges of even length: of a plate within another, the middle of the large faces is deepest.
+        """
         if common.is_empty() or common.volume() <= 0.0:
             return 0.0
-        points = np.array(common.refine(3).to_mesh64().vert_properties[:, :3])
+        grain = float(np.sqrt(common.surface_area() / POINTS))
+        points = np.array(common.refine_to_length(grain).to_mesh64().vert_properties[:, :3])
         out = 0.0
         for name, T in places.items():
             seen = np.ascontiguousarray((points - T[:3, 3]) @ T[:3, :3])

@@ -138,7 +138,7 @@ def plan(
             "--declare-threads/--no-declare-threads",
             help="whether screws drawn without ridges are turned in, at the standard pitch of their diameter",
         ),
-    ] = True,
+    ] = False,
 ) -> int:
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
@@ -307,7 +307,7 @@ def _plan_and_write(
     device: str | None = None,
     gripper: str = "auto",
     contacts: bool = True,
-    declare_threads: bool = True,
+    declare_threads: bool = False,
     copy_input: bool = False,
 ) -> int:
     from sashimono.console import progress_display, summary_lines

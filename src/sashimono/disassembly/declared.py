@@ -26,8 +26,8 @@ from sashimono.geometry.tube import Tube
 class DeclareConfig:
     """Which threads are declared, and how they are followed."""
 
-    enabled: bool = True
-    """Whether any are."""
+    enabled: bool = False
+    """Whether any are. The check of a plan follows every turn: an M3 screw of ten turns costs it seconds."""
     diameters: tuple[float, ...] = (
         0.25, 1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 30.0, 36.0,
         42.0, 48.0, 56.0, 64.0,
@@ -42,9 +42,9 @@ class DeclareConfig:
     """A diameter that is so near to a nominal one, over it, counts as that: M6 is often drawn with 5.9 mm."""
     coaxial: float = 0.1
     """Largest distance between the axes of tubes that are one thread, over the radius."""
-    leg: float = 0.3 * np.pi
+    leg: float = 0.9 * np.pi
     """Turn of one stretch of the path [rad]."""
-    max_turns: float = 24.0
+    max_turns: float = 12.0
     """Longer threads are pulled straight."""
     tolerance: float = 0.015
     """Depth beyond the assembled overlap that the check of a path allows, over the smaller part's smallest extent."""
