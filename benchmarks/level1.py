@@ -76,16 +76,15 @@ def measure(name: str, assembly: Assembly, config: SeparateConfig) -> dict[str, 
 
 
 def curve(rows: list[dict]) -> dict[str, object]:
-    """Return median seconds (conditions and order) by number of parts, and the exponent fitted to them."""
+    """Return median and p90 seconds (conditions and order) by number of parts, and the medians' exponent."""
     sizes = sorted({row["parts"] for row in rows})
-    median = {
-        size: round(float(np.median([r["conditions s"] + r["order s"] for r in rows if r["parts"] == size])), 3)
-        for size in sizes
-    }
+    seconds = {size: [r["conditions s"] + r["order s"] for r in rows if r["parts"] == size] for size in sizes}
+    median = {size: round(float(np.median(seconds[size])), 3) for size in sizes}
+    p90 = {size: round(float(np.percentile(seconds[size], 90)), 3) for size in sizes}
     exponent = None
     if len(sizes) > 1:
         exponent = round(float(np.polyfit(np.log(sizes), np.log([max(median[s], 1e-3) for s in sizes]), 1)[0]), 2)
-    return {"median s": median, "exponent": exponent}
+    return {"median s": median, "p90 s": p90, "exponent": exponent}
 
 
 def ring_stack(count: int) -> Assembly:

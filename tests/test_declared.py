@@ -110,7 +110,9 @@ def test_a_head_that_cannot_turn_is_pulled() -> None:
 def planned() -> tuple[AssemblyPlan, Assembly]:
     short = assembly(block=box((0.03, 0.03, 0.02), (0.0, 0.0, -0.015)) - rod(0.0025, 0.06), screw=screw())
     parts = dataclasses.replace(short, source=Source(path="screw", sha256="00", unit="m"))
-    return plan_assembly(parts, config=PipelineConfig(contacts=False)), parts
+    return plan_assembly(
+        parts, config=PipelineConfig(contacts=False, separate=SeparateConfig(declare=DeclareConfig(enabled=True)))
+    ), parts
 
 
 def test_the_plan_flags_it_and_the_check_holds_it_to_it() -> None:

@@ -145,6 +145,10 @@ def plan(
         raise SashimonoError(f"--method {method} is not in this version. Choose one of: {', '.join(METHODS)}.")
     if device is not None and method != "physics":
         raise SashimonoError(f"--device {device} is for --method physics. Leave it out, or choose that method.")
+    if device is not None:
+        from sashimono.disassembly.batch import find_device
+
+        find_device(device)
     _refuse_unwritable(out)
     options = {"method": method, "device": device, "gripper": gripper, "contacts": contacts}
     options |= {"unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
@@ -194,11 +198,17 @@ def conditions(
     _write_json(json_file, written)
     if graph_file is not None:
         _write_json(graph_file, and_or_graph(found).as_dict())
-    orders = f"unknown ({written['orders_reason']})" if written["orders"] is None else written["orders"]
     names = ", ".join(str(path) for path in targets.values() if path is not None)
-    least = "at least " if written["orders"] is not None and written["cut_short"] else ""
-    typer.echo(f"{len(assembly)} parts, orders: {least}{orders}; written: {names}")
+    typer.echo(f"{len(assembly)} parts, orders: {_orders_in_words(written)}; written: {names}")
     return OK
+
+
+def _orders_in_words(written: Mapping[str, object]) -> str:
+    if written["orders"] is None:
+        return f"unknown ({written['orders_reason']})"
+    if not written["cut_short"]:
+        return str(written["orders"])
+    return f"at least {written['orders']}" if written["orders"] else "none found"
 
 
 @app.command()

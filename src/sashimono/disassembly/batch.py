@@ -71,13 +71,8 @@ class BatchSimulator:
 
         SashimonoError if Warp is not installed or has no such device.
         """
-        self._wp = _warp()
-        wp = self._wp
-        try:
-            self.device = wp.get_device(device)
-        except (RuntimeError, ValueError) as error:
-            names = ", ".join(str(d) for d in wp.get_devices())
-            raise SashimonoError(f"Warp has no device {device!r}: it has {names}") from error
+        wp = self._wp = _warp()
+        self.device = find_device(device)
         self.blocking, self.config = blocking, config
         self._scale = 1.0 / float(
             np.ptp(np.concatenate([part.bounds_world for part in blocking.assembly.parts]), axis=0).max()
@@ -192,6 +187,19 @@ class BatchSimulator:
     def _matrix(self, row: Float[np.ndarray, "7"]) -> Float[np.ndarray, "4 4"]:
         row = row.astype(np.float64)
         return se3.make(Rotation.from_quat(row[3:]).as_matrix(), row[:3] / self._scale)
+
+
+def find_device(name: str | None) -> wp.Device:
+    """Return a device of Warp by its name; the first GPU, else the processor, if None.
+
+    SashimonoError if Warp is not installed or has no such device.
+    """
+    warp = _warp()
+    try:
+        return warp.get_device(name)
+    except (RuntimeError, ValueError) as error:
+        names = ", ".join(str(device) for device in warp.get_devices())
+        raise SashimonoError(f"Warp has no device {name!r}: it has {names}") from error
 
 
 def _exit(

@@ -42,9 +42,9 @@ class DeclareConfig:
     """A diameter that is so near to a nominal one, over it, counts as that: M6 is often drawn with 5.9 mm."""
     coaxial: float = 0.1
     """Largest distance between the axes of tubes that are one thread, over the radius."""
-    leg: float = 0.9 * np.pi
+    leg: float = 0.3 * np.pi
     """Turn of one stretch of the path [rad]."""
-    max_turns: float = 12.0
+    max_turns: float = 24.0
     """Longer threads are pulled straight."""
     tolerance: float = 0.015
     """Depth beyond the assembled overlap that the check of a path allows, over the smaller part's smallest extent."""

@@ -82,7 +82,11 @@ class Separation:
 
 
 class Cascade:
-    """Answers separation questions about one assembly; what it found before only makes it faster."""
+    """Answers separation questions about one assembly, faster where it found something before.
+
+    Threads and physics share one budget of tracing steps: of questions that need them, late ones may end UNKNOWN
+    for those asked before. The same questions in the same order have the same answers.
+    """
 
     def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: SeparateConfig) -> None:
         self.assembly = assembly
@@ -151,6 +155,9 @@ class Cascade:
             self.traced += traced
             if removal is not None:
                 return self._remembered(part, others, removal, stage="thread")
+            if traced >= left:
+                reason = f"threads ended where the assembly's {self.config.max_traced} tracing steps were spent"
+                return Separation(answer=Answer.UNKNOWN, stage="thread", reason=reason)
             self._held.setdefault(part, []).append(others)
         return Separation(answer=Answer.UNKNOWN, stage="thread", reason="no thread found that it leaves by")
 

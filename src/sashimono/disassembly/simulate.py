@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from sashimono.disassembly.alignments import alignments
 from sashimono.disassembly.friction import Contacts, sliding_twist
-from sashimono.disassembly.helix import Helix
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.screw_estimate import ScrewEstimate
 from sashimono.disassembly.slippage import SlippageConfig, find_contacts, snapped, spatial_twist
 from sashimono.geometry import se3
 from sashimono.geometry.screw import between
@@ -87,7 +87,7 @@ def simulate(
     Lengths are over the part's radius, so that a unit force and a unit torque move its far points alike. Every
     stretch in the answer has been checked.
     """
-    poses, met, helix = [D], set(), Helix(config.turn)
+    poses, met, helix = [D], set(), ScrewEstimate(config.turn)
     stretches = short = confirmed = 0
     while stretches < config.max_stretches and confirmed < config.max_confirmed and short < 2:
         twists = _responses(paths, poses[-1], push, helix, config)
@@ -149,7 +149,7 @@ def _responses(
     paths: Paths,
     D: Float[np.ndarray, "4 4"],
     push: Float[np.ndarray, "6"],
-    helix: Helix,
+    helix: ScrewEstimate,
     config: SimulateConfig,
 ) -> list[Float[np.ndarray, "6"]]:
     """The screws that the part may follow now, likeliest first: whole stretches, spatial, world frame; none at rest.

@@ -12,7 +12,7 @@ from sashimono.geometry import se3
 from sashimono.geometry.screw import between
 
 
-class Helix:
+class ScrewEstimate:
     """The screw that all turning stretches so far agree on: their mean, each weighed by its contacts.
 
     Stretches of one helix have one spatial twist, wherever on it they begin.
