@@ -200,11 +200,11 @@ class Cascade:
         config = replace(self.config.physics, max_traced=min(left, self.config.physics.max_traced))
         found = search_physics(self.blocking, part, bits(others), config=config)
         self.traced += found.traced
-        reason = found.reason
-        if found.removal is None and found.traced >= left:
-            reason = f"physics ended where the assembly's {self.config.max_traced} tracing steps were spent"
         if found.removal is not None:
             return self._remembered(part, others, found.removal, stage="physics")
+        reason = found.reason
+        if found.traced >= left:
+            reason = f"physics ended where the assembly's {self.config.max_traced} tracing steps were spent"
         blocked_by = known.blocked_by or found.blocked_by
         separation = replace(known, blocked_by=blocked_by, reason=f"{known.reason}; {reason}")
         self._resting.setdefault(part, []).append((others, separation))

@@ -123,6 +123,14 @@ def _within(x, y, z, direction, start, stop, limit, triangle):  # pragma: no cov
 
 
 @njit(cache=True, nogil=True)
+def _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals):  # pragma: no cover - compiled
+    """Signed distance of the point after a travel, and its nearest triangle."""
+    px, py, pz = x + t * direction[0], y + t * direction[1], z + t * direction[2]
+    distance, closest, _ = nearest(px, py, pz, np.inf, boxes, links, triangles, normals)
+    return distance, closest
+
+
+@njit(cache=True, nogil=True)
 def _march(points, direction, length, limit, least_step, boxes, links, triangles, normals):
     # pragma: no cover - compiled
     travel = np.inf
@@ -140,29 +148,11 @@ def _march(points, direction, length, limit, least_step, boxes, links, triangles
                     break
                 if enters:  # else it was not outside: the sign erred
                     t = crossing
-            distance, closest, _ = nearest(
-                x + t * direction[0],
-                y + t * direction[1],
-                z + t * direction[2],
-                np.inf,
-                boxes,
-                links,
-                triangles,
-                normals,
-            )
+            distance, closest = _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals)
             if -distance > limit:
                 for _ in range(6):  # between the last look and this one
                     middle = 0.5 * (safe + t)
-                    distance, _, _ = nearest(
-                        x + middle * direction[0],
-                        y + middle * direction[1],
-                        z + middle * direction[2],
-                        np.inf,
-                        boxes,
-                        links,
-                        triangles,
-                        normals,
-                    )
+                    distance, _ = _nearest_along(x, y, z, direction, middle, boxes, links, triangles, normals)
                     if -distance > limit:
                         t = middle
                     else:
