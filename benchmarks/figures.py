@@ -1,7 +1,8 @@
 """Write the README's figures from the results of the other benchmarks.
 
-    python benchmarks/truth.py && python benchmarks/real_cad.py --second-opinion && python benchmarks/speed.py --cold
-    python benchmarks/level1.py --json benchmarks/results/level1.json
+    python benchmarks/truth.py && python benchmarks/speed.py --cold
+    python benchmarks/real_cad.py --jobs 2 --second-opinion
+    python benchmarks/level1.py --generated 5 10 20 40 --json benchmarks/results/level1.json
     python benchmarks/level1.py --single --json benchmarks/results/level1_single.json
     python benchmarks/figures.py
 
@@ -51,16 +52,17 @@ def figures() -> str:
     return "\n\n".join(
         [
             f"Measured on {where['cores']} cores of {where['processor']}, Python {where['python']}, {where['date']}, "
-            "whole processes, two at a time, processor time; failures stay in the denominator.",
-            "Real CAD from public repositories (`python benchmarks/real_cad.py --second-opinion`; refuted: complete "
-            "plans against which a third check, by exact booleans along the motion, found anything):",
+            "processor time unless said otherwise, other runs on the second core; failures stay in the denominator.",
+            "Real CAD from public repositories (`python benchmarks/real_cad.py --jobs 2 --second-opinion`; refuted: "
+            "complete plans against which a third check, by exact booleans along the motion, found anything):",
             table(("kind", "ended", "complete and verified", "refuted", "median", "worst", "peak memory"), rows),
             f"Removal conditions against exact answers, {len(truth['assemblies'])} assemblies, {queries:,} queries "
             f"(`python benchmarks/truth.py`): {free} false “free”, {blocked} false “blocked”; in {disputed} queries "
             "the table itself is wrong, by a motion that the verifier and exact booleans confirm. Of the "
             f"{clauses} clauses' witness motions the verifier refutes {refuted}.",
             "Removal conditions and a first order, one process, warm, processor time, generated assemblies of five "
-            "families (`python benchmarks/level1.py`, with `--single` for the first row):",
+            "families (first row: `python benchmarks/level1.py --single`; the others, slower beyond, were taken up to "
+            "40 parts: `python benchmarks/level1.py --generated 5 10 20 40`):",
             table(
                 ("", *(f"{size} parts" for size in sizes)),
                 (
