@@ -42,7 +42,7 @@ class Cages:
                 flood = space.flood(others, max_visited=self._config.max_proof_visited)
                 if flood.blocked:
                     self._proven = True
-                    return flood.proof
+                    return space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
                 if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
                     break  # nothing left of the part, out of budget, or really out
                 window = window.copy()

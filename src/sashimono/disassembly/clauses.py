@@ -23,6 +23,8 @@ class Clause:
     """Mask of the parts that must be absent."""
     removal: Removal
     """A motion that shows it."""
+    stage: str = ""
+    """The stage that found it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,6 +36,8 @@ class RemovalConditions:
     """By part, fewest blockers first; empty where no motion was found at all."""
     cut_short: tuple[int, ...] = ()
     """Parts for which clauses may be missing: sets of obstacles were left unasked, or the answer was UNKNOWN."""
+    reachable_only: bool = False
+    """Whether they were only worked out for sets of parts that taking the whole apart can leave."""
 
     @cached_property
     def masks(self) -> tuple[tuple[int, ...], ...]:

@@ -146,6 +146,20 @@ class Space:
         steps = steps[cells[:, 0], cells[:, 1], cells[:, 2]]
         return Flood(blocked=False, cells=cells, steps=steps, rim=(int(side), int(axis)))
 
+    def smaller_proof(self, proof: tuple[int, ...], *, max_visited: int | None = None) -> tuple[int, ...]:
+        """Return a subset of obstacles that hold the part, of which none can be spared on this lattice.
+
+        A flood with fewer obstacles goes farther, so those that cover the walls of one flood may still be too many.
+        """
+        for other in proof:
+            rest = tuple(part for part in proof if part != other)
+            if len(rest) == len(proof):  # went with an earlier one
+                continue
+            flood = self.flood(sum(1 << part for part in rest), max_visited=max_visited)
+            if flood.blocked:
+                proof = flood.proof
+        return proof
+
     def distances(self, flood: Flood, offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the lattice steps from displacements to the way out that the flood found, 0 past the rim.
 

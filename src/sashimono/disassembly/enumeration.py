@@ -44,6 +44,7 @@ def enumerate_clauses(
     known: Iterable[int],
     ask: Callable[[int], Said],
     *,
+    gone_with: Callable[[int], int | None] = lambda absent: absent,
     max_queries: int,
     max_unproven: int,
     max_undecided: int,
@@ -52,7 +53,8 @@ def enumerate_clauses(
 
     ``ask`` is given the obstacles. It is asked the largest undecided sets first, at most ``max_queries`` times, and
     until ``max_unproven`` of the answers are neither motion nor proof; of more than ``max_undecided`` undecided sets at
-    once, the smallest are given up.
+    once, the smallest are given up. ``gone_with`` returns what is gone wherever these parts are gone, themselves
+    included, or None where they never are all gone: such a set is not asked about.
     """
     clauses, cores = minimal(known), []
     undecided = [] if 0 in clauses else [0]
@@ -61,13 +63,17 @@ def enumerate_clauses(
         if queries == max_queries or unproven == max_unproven:
             is_complete = False
             break
-        absent = min(undecided, key=_rank)
+        least = min(undecided, key=_rank)
+        absent = gone_with(least)
+        if absent is None or any(not clause & ~absent for clause in clauses):
+            undecided.remove(least)
+            continue
         said = ask(everything & ~absent)
         queries += 1
         if said.clause is not None:
             assert said.clause & ~absent == 0, "a clause found must hold for what was asked"
             clauses = minimal([*clauses, said.clause])
-            undecided = [mask for mask in undecided if said.clause & ~mask]
+            undecided = [mask for mask in undecided if mask != least and said.clause & ~mask]
             continue
         is_complete &= said.is_proven
         unproven += not said.is_proven

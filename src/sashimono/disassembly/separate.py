@@ -9,7 +9,7 @@ larger sets fail free.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.physics import PhysicsConfig, search_physics
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.shared import SharedBodies, SharedConfig
+from sashimono.disassembly.systems import remainder
 from sashimono.disassembly.translation import TranslationConfig, TranslationSearch
 from sashimono.disassembly.unscrew import Threads, UnscrewConfig, search_unscrew
 from sashimono.geometry.body import Body
@@ -226,56 +227,72 @@ class Cascade:
                 mask |= 1 << other
         return mask
 
-    def conditions(self) -> RemovalConditions:
+    def conditions(self, *, reachable_only: bool = False) -> RemovalConditions:
         """Return every part's removal conditions, each clause with its witness.
 
         Single translations first. Then the later stages are asked of the largest sets that neither a clause nor a
         proof decides (at most ``max_queries`` a part). A part that another one holds by itself, whatever else is
-        gone, may turn its way out: physics is asked of such a pair.
+        gone, may turn its way out: physics is asked of such a pair. With ``reachable_only``, only sets that taking
+        the whole apart can leave are asked about: orders and next parts are as exact, for a fraction of the work.
         """
-        clauses, cut_short = [], []
-        for part in range(len(self.blocking)):
-            witness = self._single_clauses(part)
-            if not self._complete(part, witness):
-                cut_short.append(part)
-            clauses.append(tuple(Clause(blockers=mask, removal=witness[mask]) for mask in minimal(witness)))
-        return RemovalConditions(names=self.assembly.names, clauses=tuple(clauses), cut_short=tuple(cut_short))
+        parts = range(len(self.blocking))
+        found = [self._single_clauses(part) for part in parts]
+        while True:
+            known = [frozenset(minimal(clauses)) for clauses in found]
+            complete = [self._complete(part, found, reachable_only=reachable_only) for part in parts]
+            # a clause found late makes more sets reachable: ask again, what was said is remembered
+            if not reachable_only or known == [frozenset(minimal(clauses)) for clauses in found]:
+                break
+        return RemovalConditions(
+            names=self.assembly.names,
+            clauses=tuple(tuple(clauses[mask] for mask in minimal(clauses)) for clauses in found),
+            cut_short=tuple(part for part in parts if not complete[part]),
+            reachable_only=reachable_only,
+        )
 
-    def _complete(self, part: int, witness: dict[int, Removal]) -> bool:
+    def _complete(self, part: int, found: list[dict[int, Clause]], *, reachable_only: bool) -> bool:
         """Add the clauses of the later stages to a part's; return whether these are all, provably, by translations."""
+        clauses = found[part]
 
         def ask(others: int) -> Said:
             separation = self.further(part, others | 1 << part)
             if separation.removal is not None:
-                witness[separation.hits] = separation.removal
+                _add(clauses, separation)
                 return Said(clause=separation.hits)
             core = sum(1 << k for k in separation.blocked_by)
             return Said(core=core, is_proven=separation.answer is Answer.PROVEN_BLOCKED)
 
         config = self.config
         everything = self.blocking.all_parts & ~(1 << part)
-        budgets = {"max_unproven": config.max_unproven, "max_undecided": config.max_undecided}
-        found = enumerate_clauses(everything, witness, ask, max_queries=config.max_queries, **budgets)
-        for core in found.cores:
+        enumerated = enumerate_clauses(
+            everything,
+            clauses,
+            ask,
+            gone_with=_Reached(found, part).gone_with if reachable_only else lambda absent: absent,
+            max_queries=config.max_queries,
+            max_unproven=config.max_unproven,
+            max_undecided=config.max_undecided,
+        )
+        for core in enumerated.cores:
             if core.bit_count() == 1:
-                self._turn_out(part, core, witness)
-        return found.is_complete
+                self._turn_out(part, core, clauses)
+        return enumerated.is_complete
 
-    def _turn_out(self, part: int, holder: int, witness: dict[int, Removal]) -> None:
+    def _turn_out(self, part: int, holder: int, clauses: dict[int, Clause]) -> None:
         """Add the clauses by which physics frees a part from one that holds it: of both alone, then of all parts."""
         other = holder.bit_length() - 1
         if (other, part) in self._turned:  # the two come apart by one relative motion, whichever moves
             self._remembered(part, holder, self._turned[other, part].of_the_other(), stage="physics")
         for remaining in (holder | 1 << part, self.blocking.all_parts):
-            if any(not mask & remaining for mask in witness):
+            if any(not mask & remaining for mask in clauses):
                 return
             separation = self.pushed(part, remaining)
             if separation.removal is None:
                 return
-            witness[separation.hits] = separation.removal
+            _add(clauses, separation)
             self._turned.setdefault((part, other), separation.removal)
 
-    def _single_clauses(self, part: int) -> dict[int, Removal]:
+    def _single_clauses(self, part: int) -> dict[int, Clause]:
         """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
         table = self.blocking
         others = table.all_parts & ~(1 << part)
@@ -298,7 +315,12 @@ class Cascade:
                 continue
             kept = {mask: by for mask, by in kept.items() if blocked & mask != blocked}
             kept[blocked] = signed
-        return {mask: self.straight(part, others & ~mask, table.direction(by)) for mask, by in kept.items()}
+        return {
+            mask: Clause(
+                blockers=mask, removal=self.straight(part, others & ~mask, table.direction(by)), stage="blocking"
+            )
+            for mask, by in kept.items()
+        }
 
     def _ask_further(self, part: int, others: int) -> Separation:
         table, config = self.blocking, self.config
@@ -338,6 +360,32 @@ class Cascade:
     ) -> Separation:
         removal = self.straight(part, others, direction)
         return Separation(answer=Answer.FREE, removal=removal, signed=signed, stage=stage)
+
+
+class _Reached:
+    """What is gone in the sets with one part that taking the whole apart, by the clauses found so far, can leave."""
+
+    def __init__(self, found: Sequence[Iterable[int]], part: int) -> None:
+        count = len(found)
+        everything = (1 << count) - 1
+        system = tuple(tuple(minimal(clauses)) or (everything & ~(1 << other),) for other, clauses in enumerate(found))
+        self._least = remainder(system, 1 << part)
+        self._least_with = [remainder(system, 1 << part | 1 << other) for other in range(count)]
+        self._part = part
+
+    def gone_with(self, absent: int) -> int | None:
+        """Return the parts that are gone wherever these are gone and the part is not; None if that is nowhere."""
+        if absent & self._least:
+            return None
+        for other, least in enumerate(self._least_with):
+            if other != self._part and absent & least:
+                absent |= 1 << other
+        return absent
+
+
+def _add(clauses: dict[int, Clause], separation: Separation) -> None:
+    assert separation.removal is not None, "a clause has a witness"
+    clauses[separation.hits] = Clause(blockers=separation.hits, removal=separation.removal, stage=separation.stage)
 
 
 def names_of(assembly: Assembly, parts: Iterable[int]) -> tuple[str, ...]:

@@ -22,13 +22,26 @@ def stuck_parts(system: System, remaining: int) -> int:
 
     By monotony the greedy order does not matter, and no part outside this set needs one within it.
     """
-    waiting = bits(remaining)
+    return _after_leaving(system, remaining, 0)
+
+
+def remainder(system: System, kept: int) -> int:
+    """Return the parts that are left when, of the whole system, all leave that can but these (a mask).
+
+    It is the smallest set with them that taking apart can reach: they can be left by themselves exactly if it is no
+    larger than they are.
+    """
+    return _after_leaving(system, (1 << len(system)) - 1, kept)
+
+
+def _after_leaving(system: System, remaining: int, kept: int) -> int:
+    waiting = bits(remaining & ~kept)
     while True:
         still = []
         for part in waiting:
             others = remaining & ~(1 << part)
             if any(not clause & others for clause in system[part]):
-                remaining &= ~(1 << part)
+                remaining = others
             else:
                 still.append(part)
         if len(still) == len(waiting):

@@ -90,7 +90,7 @@ class TranslationSearch:
             space = self._space(part, level)
             flood = space.flood(mask)
             if flood.blocked:
-                return _proven(flood.proof)
+                return _proven(space.smaller_proof(flood.proof))
             led.append((space, flood))
         # fine lattices cost more than the search, but where they have proven one set, they prove its like at once
         orders = (True, False) if self._cages.has_proven(part) else (False, True)
