@@ -13,11 +13,7 @@ from sashimono.assembly import Assembly, Part
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
-from sashimono.verify.body import Body
-from sashimono.verify.config import VerifyConfig
-from sashimono.verify.overlap import AssembledOverlaps
-from sashimono.verify.pairs import check_pair, pair_tolerance
-from sashimono.verify.sweep import Screws
+from sashimono.verify.motions import MotionCheck
 
 
 class Witnesses:
@@ -25,35 +21,14 @@ class Witnesses:
 
     def __init__(self, assembly: Assembly) -> None:
         self._parts = assembly.parts
-        self._config = VerifyConfig()
-        self._bodies = {
-            part.name: Body(part.name, part.vertices_part, part.faces, samples=self._config.samples)
-            for part in assembly.parts
-        }
-        poses = {part.name: part.T_world_part for part in assembly.parts}
-        self._overlaps = AssembledOverlaps(self._bodies, poses)
+        self._check = MotionCheck(assembly)
         self._solids = [_solid(part) for part in assembly.parts]
 
     def problems(self, part: int, others: int, removal: Removal) -> list[str]:
         """Return what `verify` has against a removal of a part past others (a mask); nothing if it holds."""
-        own = self._parts[part]
         # as it is put together: the assembled pose last
-        path = Screws.between(removal.displacements[::-1] @ own.T_world_part)
-        body = self._bodies[own.name]
-        out = []
-        for k in bits(others):
-            name = self._parts[k].name
-            found = check_pair(
-                body,
-                self._bodies[name],
-                path,
-                self._parts[k].T_world_part,
-                allowance=lambda name=name: self._overlaps.depth(own.name, name),
-                tolerance=pair_tolerance(body, self._bodies[name], self._config),
-                config=self._config,
-            )
-            out += [found.problem] if found.problem else []
-        return out
+        path = removal.displacements[::-1] @ self._parts[part].T_world_part
+        return self._check.problems(part, bits(others), path)
 
     def clearance(self, part: int, others: int, removal: Removal, *, poses: int = 400) -> Clearance:
         """Return what exact booleans say at many poses on the way: a route of their own, for few removals."""

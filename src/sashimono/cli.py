@@ -10,26 +10,22 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sashimono import __version__
+from sashimono.cli_dataset import dataset_app
+from sashimono.commands import BAD_INPUT, INTERRUPTED, NO_PLAN, OK, plan_and_write, reading_options
 from sashimono.errors import SashimonoError
+from sashimono.outputs import refuse_bad_files, refuse_unwritable, replacing_together, write_json
 
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
     from sashimono.disassembly.separate import Cascade
-    from sashimono.io.raw import ReadConfig
-    from sashimono.plan import AssemblyPlan
-
-OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
-"""Exit status."""
 
 METHODS = ("cascade", "physics")
 """What ``--method`` takes in this version."""
@@ -42,13 +38,12 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+app.add_typer(dataset_app, name="dataset")
+
 InputPath = Annotated[
     Path, typer.Argument(metavar="INPUT", help=".step/.stp, a folder of .obj/.stl/.ply in place, .glb/.gltf or .3mf")
 ]
 Unit = Annotated[str | None, typer.Option(metavar="UNIT", help="unit of INPUT where its format has none: mm, m, ...")]
-SPLITS = ("auto", "all", "none")
-"""What ``--split`` takes."""
-
 Split = Annotated[
     str, typer.Option(help="parts of several solids: apart where solids lie apart (auto), all apart (all), or none")
 ]
@@ -113,9 +108,9 @@ def demo(
     seed: Seed = 0,
 ) -> int:
     """Plan the shipped example, a gearbox of 16 parts, and name the HTML page that shows it."""
-    _refuse_unwritable(out)
+    refuse_unwritable(out)
     with as_file(files("sashimono") / "examples" / "gearbox.step") as example:
-        return _plan_and_write(example, out, unit=None, seed=seed, copy_input=True)
+        return plan_and_write(example, out, unit=None, seed=seed, copy_input=True)
 
 
 @app.command()
@@ -149,10 +144,10 @@ def plan(
         from sashimono.disassembly.batch import find_device
 
         find_device(device)
-    _refuse_unwritable(out)
+    refuse_unwritable(out)
     options = {"method": method, "device": device, "gripper": gripper, "contacts": contacts}
     options |= {"unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
-    return _plan_and_write(source, out, **options)
+    return plan_and_write(source, out, **options)
 
 
 @app.command()
@@ -191,13 +186,13 @@ def conditions(
     from sashimono.io.read import read_assembly
 
     targets = {"--json": json_file, "--graph": graph_file}
-    _refuse_bad_files(targets)
-    assembly = read_assembly(source, unit=unit, config=_reading(split))
+    refuse_bad_files(targets)
+    assembly = read_assembly(source, unit=unit, config=reading_options(split))
     found = _cascade(assembly, seed, max_queries=thorough).conditions()
     written = conditions_as_dict(found)
-    _write_json(json_file, written)
+    write_json(json_file, written)
     if graph_file is not None:
-        _write_json(graph_file, and_or_graph(found).as_dict())
+        write_json(graph_file, and_or_graph(found).as_dict())
     names = ", ".join(str(path) for path in targets.values() if path is not None)
     typer.echo(f"{len(assembly)} parts, orders: {_orders_in_words(written)}; written: {names}")
     return OK
@@ -234,8 +229,8 @@ def explain(
     from sashimono.plan import Answer
     from sashimono.view import write_explanation
 
-    _refuse_bad_files({"--json": json_file, "--html": html_file})
-    assembly = read_assembly(source, unit=unit, config=_reading(split))
+    refuse_bad_files({"--json": json_file, "--html": html_file})
+    assembly = read_assembly(source, unit=unit, config=reading_options(split))
     staying = None if fixed is None else _names_in(fixed, assembly, option="--fixed")
     if part is not None and part not in assembly.names:
         raise SashimonoError(f"--part: {_no_such_part(part, assembly)}")
@@ -246,21 +241,12 @@ def explain(
     if not found:
         typer.echo("every part can leave" + ("" if staying is None else " these fixed ones"))
     if json_file is not None:
-        _write_json(json_file, explanations_as_dict(found))
+        write_json(json_file, explanations_as_dict(found))
     if html_file is not None:
-        with _replacing_together(html_file.parent) as folder:
+        with replacing_together(html_file.parent) as folder:
             write_explanation(found, assembly, folder / html_file.name)
         typer.echo(f"open in a browser: {html_file.resolve()}")
     return OK if all(entry.answer is Answer.FREE for entry in found) else NO_PLAN
-
-
-def _reading(split: str) -> ReadConfig:
-    """Return the options of reading; SashimonoError for a value that ``--split`` does not take."""
-    from sashimono.io.raw import ReadConfig
-
-    if split not in SPLITS:
-        raise SashimonoError(f"--split {split} is not known. Choose one of: {', '.join(SPLITS)}.")
-    return ReadConfig(split=cast("Literal['auto', 'all', 'none']", split))
 
 
 def _names_in(text: str, assembly: Assembly, *, option: str) -> list[str]:
@@ -287,119 +273,3 @@ def _cascade(assembly: Assembly, seed: int, *, max_queries: int = 1) -> Cascade:
 
     config = SeparateConfig(max_queries=max_queries)
     return Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=config)
-
-
-def _write_json(path: Path, value: object) -> None:
-    import json
-
-    with _replacing_together(path.parent) as folder:
-        (folder / path.name).write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def _refuse_bad_files(targets: Mapping[str, Path | None]) -> None:
-    """Raise SashimonoError before any work if one of the files to be written, by option, cannot be."""
-    for option, path in targets.items():
-        if path is None:
-            continue
-        if path.is_dir():
-            raise SashimonoError(f"{option} {path} is a folder. Name a file.")
-        _refuse_unwritable(path.parent, option=option)
-
-
-def _plan_and_write(
-    source: Path,
-    out: Path,
-    *,
-    unit: str | None,
-    split: str = "auto",
-    seed: int,
-    method: str = "cascade",
-    device: str | None = None,
-    gripper: str = "auto",
-    contacts: bool = True,
-    declare_threads: bool = False,
-    copy_input: bool = False,
-) -> int:
-    from sashimono.console import progress_display, summary_lines
-    from sashimono.contact.gripper import named_gripper
-    from sashimono.disassembly.algorithm1 import Algorithm1Config
-    from sashimono.disassembly.declared import DeclareConfig
-    from sashimono.disassembly.separate import SeparateConfig
-    from sashimono.io.read import read_assembly
-    from sashimono.pipeline import PipelineConfig, plan_assembly
-
-    named_gripper(gripper)
-    assembly = read_assembly(source, unit=unit, config=_reading(split))
-    for note in assembly.notes:
-        typer.echo(f"note: {note}", err=True)
-    with progress_display() as progress:
-        config = PipelineConfig(
-            method=cast("Literal['cascade', 'physics']", method),
-            algorithm1=Algorithm1Config(device=device),
-            separate=SeparateConfig(declare=DeclareConfig(enabled=declare_threads)),
-            gripper=gripper,
-            contacts=contacts,
-        )
-        found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
-    _write(found, assembly, out, copied=source if copy_input else None)
-    for line in summary_lines(found, assembly):
-        typer.echo(line)
-    typer.echo(f"written: {', '.join(str(out / name) for name in ('plan.json', 'plan.glb'))}")
-    typer.echo(f"open in a browser: {(out / 'plan.html').resolve()}")
-    return OK if found.status == "complete" else NO_PLAN
-
-
-def _write(found: AssemblyPlan, assembly: Assembly, out: Path, *, copied: Path | None) -> None:
-    """Write the plan, the page and the animation, all or none; if asked, with a copy of the input that it names."""
-    from dataclasses import replace
-
-    from sashimono.io.plan_json import write_plan
-    from sashimono.view import write_glb, write_html
-
-    with _replacing_together(out) as folder:
-        if copied is not None:
-            (folder / copied.name).write_bytes(copied.read_bytes())
-        # from the plan's folder, so that the plan finds its input wherever it is read
-        path = copied.name if copied is not None else os.path.relpath(found.source.path, out)
-        found = replace(found, source=replace(found.source, path=Path(path).as_posix()))
-        write_html(found, assembly, folder / "plan.html")
-        write_glb(found, assembly, folder / "plan.glb")
-        write_plan(found, folder / "plan.json")
-
-
-@contextmanager
-def _replacing_together(out: Path) -> Iterator[Path]:
-    """Yield a temporary folder within ``out``; move its files into ``out`` at the end, unless an error cut in."""
-    made = not out.exists()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        try:
-            with tempfile.TemporaryDirectory(dir=out, prefix=".sashimono-") as temporary:
-                yield Path(temporary)
-                finished = sorted(Path(temporary).iterdir())
-                for file in finished:
-                    if (out / file.name).is_dir():
-                        raise SashimonoError(f"cannot write {out / file.name}: it is a folder. Choose another --out.")
-                for file in finished:
-                    os.replace(file, out / file.name)
-        except BaseException:
-            if made:
-                with suppress(OSError):  # not empty: some file had been moved already
-                    out.rmdir()
-            raise
-    except OSError as error:
-        _fail_to_write(error)
-
-
-def _fail_to_write(error: OSError) -> NoReturn:
-    where = error.filename or "the result"
-    raise SashimonoError(f"cannot write {where}: {error.strerror}. Choose another folder.") from error
-
-
-def _refuse_unwritable(out: Path, option: str = "--out") -> None:
-    """Raise SashimonoError before any work if the folder cannot be made or written."""
-    if out.exists() and not out.is_dir():
-        raise SashimonoError(f"{option} {out} is a file. Name a folder.")
-    existing = next(parent for parent in (out.absolute(), *out.absolute().parents) if parent.exists())
-    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-        raise SashimonoError(f"{option} {out}: {existing} is not a folder that can be written to. Choose another.")

@@ -21,9 +21,10 @@ def intersection_depth(
     """Return the depth [m] of the deepest point that the two share, 0 if there is none; None if no boolean is had.
 
     Every point of the shared body's surface lies on one of the two surfaces; its distance to the other one is its
-    depth, and changes no faster than the point moves. So triangles are quartered only while they may hold a point
-    deeper than the best by ``accuracy`` times the smaller body's smallest extent, the most promising ``batch`` at a
-    time, up to ``max_points`` looked at.
+    depth, which changes no faster than the point moves, and which a triangle's corners bound
+    (`SignedDistance.bounds_on`). So triangles are quartered only while they may hold a point deeper than the best by
+    ``accuracy`` times the smaller body's smallest extent, the most promising ``batch`` at a time, up to ``max_points``
+    looked at.
     """
     if first.solid is None or second.solid is None:
         return None
@@ -32,30 +33,31 @@ def intersection_depth(
         return 0.0
     T_first_second = se3.inverse(T_second_first)
 
-    def depths(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        in_first = np.abs(first.signed_distance.query(se3.apply(T_first_second, points)))
-        return np.maximum(in_first, np.abs(second.signed_distance.query(points)))
+    def depths(pieces: Float[np.ndarray, "n 3 3"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Depth at the centre of each triangle, and the most that any of its points can have."""
+        in_first = se3.apply(T_first_second, pieces.reshape(-1, 3)).reshape(-1, 3, 3)
+        centers, bounds = np.maximum(
+            first.signed_distance.bounds_on(in_first), second.signed_distance.bounds_on(pieces)
+        )
+        reach = np.linalg.norm(pieces - pieces.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+        return centers, np.minimum(bounds, centers + reach)
 
     shared = common.to_mesh64()
-    corners = np.array(shared.vert_properties)[:, :3]
-    triangles = corners[np.array(shared.tri_verts).astype(np.int64)]
-    best = float(depths(corners).max())
+    triangles = np.array(shared.vert_properties)[:, :3][np.array(shared.tri_verts).astype(np.int64)]
+    at_centers, bounds = depths(triangles)
+    best, looked = float(at_centers.max()), len(triangles)
     slack = accuracy * min(first.smallest_extent, second.smallest_extent)
-    bounds = np.full(len(triangles), np.inf)
-    looked = len(corners)
     while looked < max_points:
         # the most promising first, and of all only those that may be deeper
         order = np.argsort(-np.round(bounds, 12), kind="stable")[: int((bounds > best + slack).sum())]
         if not len(order):
             break
         pieces = _quartered(triangles[order[:batch]])
-        centers = pieces.mean(axis=1)
-        at_centers = depths(centers)
-        looked += len(centers)
+        at_centers, most = depths(pieces)
+        looked += len(pieces)
         best = max(best, float(at_centers.max()))
-        reach = np.linalg.norm(pieces - centers[:, None], axis=2).max(axis=1)
         triangles = np.concatenate([triangles[order[batch:]], pieces])
-        bounds = np.concatenate([bounds[order[batch:]], at_centers + reach])
+        bounds = np.concatenate([bounds[order[batch:]], most])
     return best
 
 

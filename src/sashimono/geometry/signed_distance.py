@@ -60,6 +60,16 @@ class SignedDistance:
         _normals(np.ascontiguousarray(points, dtype=np.float64), bound, *self.arrays, out)
         return out[:, 0], out[:, 1:]
 
+    def bounds_on(self, triangles: Float[np.ndarray, "n 3 3"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Return the distance of each triangle's centre from the surface, and a bound of that of any of its points [m].
+
+        No point is farther from the surface than from the face nearest to the centre, and the distance from one face is
+        convex: it is greatest at a corner.
+        """
+        out = np.empty((2, len(triangles)))
+        _bounds_on(np.ascontiguousarray(triangles, dtype=np.float64), *self.arrays, out)
+        return out[0], out[1]
+
     def depth(self, points: Float[np.ndarray, "n 3"], T: Float[np.ndarray, "4 4"]) -> float:
         """Return how deep the deepest of the points, moved by T, lies inside [m]; 0 if none does."""
         return _depth(points, T, self._boxes, self._links, self._triangles, self._normals)
@@ -272,6 +282,24 @@ def nearest_normal(x, y, z, bound, boxes, links, triangles, normals):  # pragma:
 def _query(points, boxes, links, triangles, normals, out):  # pragma: no cover - compiled
     for k in range(points.shape[0]):
         out[k] = signed_distance(points[k, 0], points[k, 1], points[k, 2], boxes, links, triangles, normals)
+
+
+@njit(cache=True, nogil=True)
+def _bounds_on(pieces, boxes, links, triangles, normals, out):  # pragma: no cover - compiled
+    for k in range(pieces.shape[0]):
+        t = pieces[k]
+        x, y, z = (
+            (t[0, 0] + t[1, 0] + t[2, 0]) / 3.0,
+            (t[0, 1] + t[1, 1] + t[2, 1]) / 3.0,
+            (t[0, 2] + t[1, 2] + t[2, 2]) / 3.0,
+        )
+        d, face, _ = nearest(x, y, z, np.inf, boxes, links, triangles, normals)
+        most = 0.0
+        for c in range(3):
+            qx, qy, qz, _ = closest_on_triangle(t[c, 0], t[c, 1], t[c, 2], triangles[face])
+            dx, dy, dz = t[c, 0] - qx, t[c, 1] - qy, t[c, 2] - qz
+            most = max(most, dx * dx + dy * dy + dz * dz)
+        out[0, k], out[1, k] = abs(d), np.sqrt(most)
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,93 @@
+"""What several commands do: read, plan, write plan, page and animation, and say what came of it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, cast
+
+import typer
+
+from sashimono.errors import SashimonoError
+from sashimono.outputs import replacing_together
+
+if TYPE_CHECKING:
+    from sashimono.assembly import Assembly
+    from sashimono.io.raw import ReadConfig
+    from sashimono.plan import AssemblyPlan
+
+OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
+"""Exit status."""
+
+SPLITS = ("auto", "all", "none")
+"""What ``--split`` takes."""
+
+
+def plan_and_write(
+    source: Path,
+    out: Path,
+    *,
+    unit: str | None,
+    split: str = "auto",
+    seed: int,
+    method: str = "cascade",
+    device: str | None = None,
+    gripper: str = "auto",
+    contacts: bool = True,
+    declare_threads: bool = False,
+    copy_input: bool = False,
+) -> int:
+    from sashimono.console import progress_display, summary_lines
+    from sashimono.contact.gripper import named_gripper
+    from sashimono.disassembly.algorithm1 import Algorithm1Config
+    from sashimono.disassembly.declared import DeclareConfig
+    from sashimono.disassembly.separate import SeparateConfig
+    from sashimono.io.read import read_assembly
+    from sashimono.pipeline import PipelineConfig, plan_assembly
+
+    named_gripper(gripper)
+    assembly = read_assembly(source, unit=unit, config=reading_options(split))
+    for note in assembly.notes:
+        typer.echo(f"note: {note}", err=True)
+    with progress_display() as progress:
+        config = PipelineConfig(
+            method=cast("Literal['cascade', 'physics']", method),
+            algorithm1=Algorithm1Config(device=device),
+            separate=SeparateConfig(declare=DeclareConfig(enabled=declare_threads)),
+            gripper=gripper,
+            contacts=contacts,
+        )
+        found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
+    _write(found, assembly, out, copied=source if copy_input else None)
+    for line in summary_lines(found, assembly):
+        typer.echo(line)
+    typer.echo(f"written: {', '.join(str(out / name) for name in ('plan.json', 'plan.glb'))}")
+    typer.echo(f"open in a browser: {(out / 'plan.html').resolve()}")
+    return OK if found.status == "complete" else NO_PLAN
+
+
+def reading_options(split: str) -> ReadConfig:
+    """Return the options of reading; SashimonoError for a value that ``--split`` does not take."""
+    from sashimono.io.raw import ReadConfig
+
+    if split not in SPLITS:
+        raise SashimonoError(f"--split {split} is not known. Choose one of: {', '.join(SPLITS)}.")
+    return ReadConfig(split=cast("Literal['auto', 'all', 'none']", split))
+
+
+def _write(found: AssemblyPlan, assembly: Assembly, out: Path, *, copied: Path | None) -> None:
+    """Write the plan, the page and the animation, all or none; if asked, with a copy of the input that it names."""
+    from dataclasses import replace
+
+    from sashimono.io.plan_json import write_plan
+    from sashimono.view import write_glb, write_html
+
+    with replacing_together(out) as folder:
+        if copied is not None:
+            (folder / copied.name).write_bytes(copied.read_bytes())
+        # from the plan's folder, so that the plan finds its input wherever it is read
+        path = copied.name if copied is not None else os.path.relpath(found.source.path, out)
+        found = replace(found, source=replace(found.source, path=Path(path).as_posix()))
+        write_html(found, assembly, folder / "plan.html")
+        write_glb(found, assembly, folder / "plan.glb")
+        write_plan(found, folder / "plan.json")
