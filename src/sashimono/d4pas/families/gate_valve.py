@@ -1,0 +1,180 @@
+"""Gate valves: a wedge on a T-headed stem under a bonnet, packing and a handwheel, on a pipe that may be oblique."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from manifold3d import Manifold
+
+from sashimono.d4pas import kit
+from sashimono.d4pas.fits import clearance
+from sashimono.d4pas.product import Family, Product
+
+
+def draw(rng: np.random.Generator) -> dict[str, Any]:
+    """Return the parameters of one valve."""
+    pick = kit.Draw(rng)
+    head = pick.choice(("tee", "tee", "plain"))
+    return {
+        "bore": pick.length(14.0, 22.0),
+        "lean": pick.choice((90.0, 72.0, 60.0, 50.0)),
+        "wedge": pick.length(12.0, 16.0),
+        "stem": pick.length(6.0, 8.0),
+        "head": head,
+        "fit": pick.choice(("H9/d9", "H8/f7", "exact")),
+        "bolts": pick.count(2, 4),
+        "phase": pick.length(0.0, 60.0, 1.0),
+        "packings": pick.count(0, 3),
+        "gland": pick.choice(("bolted", "loose")),
+        "wheel": "pin" if head == "plain" else pick.choice(("pin", "clip")),
+        "wheel_angle": pick.length(0.0, 180.0, 1.0),
+        "lobes": pick.count(2, 5),
+        "seats": [
+            {
+                "there": pick.chance(0.5),
+                "angle": pick.choice((90.0, 270.0)) + pick.length(-25.0, 25.0, 1.0),
+                "lock": pick.chance(0.8),
+            }
+            for _ in range(2)
+        ],
+    }
+
+
+def build(params: Mapping[str, Any]) -> Product:
+    """Return the valve: the stem along z, the middle of the pipe at the origin."""
+    product, bore, w = Product(), params["bore"], params["wedge"]
+    width = bore + 8.0
+    barrel = math.hypot(width, w) + 12.0
+    lean = math.radians(params["lean"])
+    rim, pipe = barrel + 36.0, bore + 18.0
+    floor = -bore / 2.0 - 3.0
+    reach = (barrel / 2.0 + 14.0) / math.sin(lean)
+    top = reach * math.cos(lean) + pipe / 2.0 * math.sin(lean) + 12.0
+    body = kit.cylinder(barrel, floor - 7.0, top) + kit.cylinder(rim, top - 10.0, top, segments=32)
+    sides = [(s * math.sin(lean), 0.0, s * math.cos(lean)) for s in (1.0, -1.0)]
+    for side in sides:
+        body += kit.place(kit.cylinder(pipe, 0.0, reach), (0.0, 0.0, 0.0), side)
+    gap = clearance(w, params["fit"])
+    body -= kit.box(
+        (-w / 2.0 - gap / 2.0, -width / 2.0 - gap / 2.0, floor),
+        (w / 2.0 + gap / 2.0, width / 2.0 + gap / 2.0, top + 1.0),
+    )
+    for side in sides:
+        body -= kit.place(kit.cylinder(bore, 0.0, reach + 1.0), (0.0, 0.0, 0.0), side)
+    product.add("body", body)
+    for side, seat in zip(sides, params["seats"], strict=True):
+        if seat["there"]:
+            _add_seat(product, params, seat, tuple(reach * v for v in side), side)
+    peak = top + 14.0
+    _add_stem(product, params, floor, peak)
+    _add_bonnet(product, params, (barrel, rim, top, peak))
+    return product
+
+
+def _add_seat(product: Product, params: Mapping[str, Any], seat: Mapping[str, Any], end: Any, side: Any) -> None:
+    """Add a ring in one end of the pipe, and its locking screw."""
+    bore = params["bore"]
+    gap, depth = clearance(bore, params["fit"]), 12.0
+    product.cut(["body"], kit.place(kit.cylinder(bore + 8.0, -depth, 1.0), end, side))
+    name = product.add("seat", kit.place(kit.tube(bore + 8.0 - gap, bore - 6.0, -depth, 0.0), end, side))
+    if seat["lock"]:
+        angle = math.radians(seat["angle"])
+        axis, base = (math.cos(angle), math.sin(angle), 0.0), (0.0, 0.0, -depth / 2.0)
+        tool = kit.cylinder(6.0, bore / 2.0 - 1.5, bore + 20.0, segments=12)
+        product.cut(["body", name], kit.place(kit.place(tool, base, axis), end, side))
+        screw = kit.cylinder(6.0, bore / 2.0 - 1.5, bore / 2.0 + 13.0, segments=12)
+        product.add("lock_screw", kit.place(kit.place(screw, base, axis), end, side))
+
+
+def _add_stem(product: Product, params: Mapping[str, Any], floor: float, peak: float) -> None:
+    """Add the wedge and the stem, whose head slides into the wedge from the side or drops into it."""
+    w, ds, width = params["wedge"], params["stem"], params["bore"] + 8.0
+    wedge = kit.box((-w / 2.0, -width / 2.0, floor), (w / 2.0, width / 2.0, peak))
+    wedge -= kit.box((-w, -width, floor - 1.0), (w, -width / 2.0 + 3.0, floor + 4.0))
+    long = _length(params, peak)
+    stem = kit.cylinder(ds, peak - 11.0, long - 16.0) + kit.cylinder(ds - 2.0, peak - 11.0, long)
+    if params["head"] == "tee":
+        stem += kit.cylinder(ds + 4.0, peak - 11.0, peak - 6.0)
+        slot = kit.box((-w, -ds / 2.0 - 2.2, peak - 11.0), (w, ds / 2.0 + 2.2, peak - 5.8))
+        slot += kit.box((-w, -ds / 2.0 - 0.1, peak - 8.0), (w, ds / 2.0 + 0.1, peak + 1.0))
+    else:
+        slot = kit.cylinder(ds, peak - 11.0, peak + 1.0)
+    product.add("wedge", wedge - slot)
+    product.add("stem", stem)
+
+
+def _length(params: Mapping[str, Any], peak: float) -> float:
+    """Return the height of the stem's end: above bonnet, packing, gland and handwheel."""
+    return peak + 1.0 + 9.0 + 5.0 * params["packings"] + 5.0 + 14.0 + 16.0 + 6.0
+
+
+def _add_bonnet(product: Product, params: Mapping[str, Any], where: tuple[float, float, float, float]) -> None:
+    """Add the bonnet over the wedge's end, and what is on the stem above it."""
+    (barrel, rim, top, peak), ds, rings = where, params["stem"], params["packings"]
+    gap, roof, neck = clearance(ds, params["fit"]), peak + 1.0, ds + 32.0
+    box_floor = roof + 9.0
+    box_top = box_floor + 5.0 * rings + 5.0
+    w, width = params["wedge"] + 0.4, params["bore"] + 8.4
+    bonnet = kit.cylinder(rim, top, top + 9.0, segments=32) + kit.cylinder(barrel, top, box_floor)
+    bonnet += kit.cylinder(neck, box_floor - 5.0, box_top)
+    bonnet -= kit.box((-w / 2.0, -width / 2.0, top - 1.0), (w / 2.0, width / 2.0, roof))
+    bonnet -= kit.cylinder(ds + gap, top, box_top + 1.0)
+    bonnet -= kit.cylinder(ds + 10.0, box_floor, box_top + 1.0)
+    name = product.add("bonnet", bonnet)
+    for x, y in kit.on_circle(params["bolts"], barrel + 17.0, phase=params["phase"]):
+        product.cut(["body", name], kit.bolt_room(8.0, 16.0, clearance=0.2).translate((x, y, top + 9.0)))
+        product.add("bolt", kit.bolt(8.0, 16.0).translate((x, y, top + 9.0)))
+    for k in range(rings):
+        low = box_floor + 5.0 * k
+        product.add("packing", kit.tube(ds + 10.0 - gap, ds + gap, low, low + 5.0))
+    gland = kit.tube(neck, ds + gap, box_top, box_top + 8.0) + kit.tube(
+        ds + 10.0 - gap, ds + gap, box_top - 5.0, box_top
+    )
+    gland_name = product.add("gland", gland)
+    if params["gland"] == "bolted":
+        for x, y in kit.on_circle(2, ds + 21.0, phase=params["phase"] + 40.0):
+            tool = kit.bolt(5.0, 13.0, head="none", shank=5.1).translate((x, y, box_top + 8.0))
+            product.cut(
+                [gland_name, name], tool + kit.cylinder(5.1, 0.0, 1.0, segments=12).translate((x, y, box_top + 8.0))
+            )
+            product.add("gland_bolt", kit.bolt(5.0, 13.0).translate((x, y, box_top + 8.0)))
+    _add_wheel(product, params, _length(params, peak))
+
+
+def _add_wheel(product: Product, params: Mapping[str, Any], end: float) -> None:
+    """Add the handwheel on the stem's thinner end, and what holds it."""
+    ds, angle, radius = params["stem"] - 2.0, params["wheel_angle"], 0.4 * params["bore"] + 11.0
+    low = end - 16.0
+    wheel = kit.cylinder(2.0 * radius, low, low + 10.0)
+    for x, y in kit.on_circle(params["lobes"], 2.3 * radius, phase=angle):
+        wheel -= kit.cylinder(radius, low - 1.0, low + 11.0, segments=16).translate((x, y, 0.0))
+    wheel -= kit.cylinder(ds + clearance(ds, params["fit"]), low - 1.0, low + 11.0)
+    if params["wheel"] == "pin":
+        wheel += kit.cylinder(radius, low + 10.0, end + 4.0) - kit.cylinder(ds + 1.0, low, end + 0.5)
+    name = product.add("handwheel", wheel)
+    if params["wheel"] == "pin":
+        axis = (math.cos(math.radians(angle)), math.sin(math.radians(angle)), 0.0)
+        tool = kit.cylinder(3.0, -2.0 * radius, 2.0 * radius, segments=12)
+        hole = kit.place(tool, (0.0, 0.0, low + 5.0), axis)
+        product.cut([name, "stem"], hole)
+        product.add(
+            "pin",
+            kit.place(kit.cylinder(3.0, 1.0 - radius / 2.0, radius / 2.0, segments=12), (0.0, 0.0, low + 5.0), axis),
+        )
+    elif params["wheel"] == "clip":
+        product.cut(["stem"], kit.tube(ds + 4.0, ds - 2.0, low + 10.0, low + 12.0))
+        clip = kit.tube(ds + 8.0, ds - 2.0, low + 10.0, low + 12.0)
+        mouth = kit.box((0.0, 1.0 - ds / 2.0, low), (ds + 9.0, ds / 2.0 - 1.0, low + 20.0))
+        product.add("clip", clip - mouth.rotate((0.0, 0.0, angle)))
+
+
+FAMILY = Family(
+    name="gate_valve",
+    version=1,
+    summary="a wedge and a T-headed stem that part sideways once the bonnet is off; seats locked along an oblique pipe",
+    draw=draw,
+    build=build,
+)

@@ -1,0 +1,177 @@
+"""Racks: modules slide in level or inclined guides; rods, latch pins, a bar and a back panel hold them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sashimono.d4pas import kit
+from sashimono.d4pas.fits import clearance
+from sashimono.d4pas.product import Family, Product
+
+SIDE, TONGUE, BOARD = 9.0, 4.0, 9.0
+"""Thickness of the sides, height and depth of the tongues, thickness of top and base [mm]."""
+
+
+def draw(rng: np.random.Generator) -> dict[str, Any]:
+    """Return the parameters of one rack."""
+    pick = kit.Draw(rng)
+    columns = pick.choice((1, 2), (2, 1))
+    rows = pick.count(3, 7) if columns == 1 else pick.count(2, 5)
+    return {
+        "columns": columns,
+        "width": pick.length(60.0, 110.0),
+        "depth": pick.length(60.0, 110.0),
+        "module": pick.length(11.0, 20.0),
+        "incline": pick.choice((0.0, 12.0, 20.0, 28.0), (1, 2, 2, 2)),
+        "down": pick.chance(0.5),
+        "bays": [
+            {
+                "full": pick.chance(0.9),
+                "face": pick.chance(0.6),
+                "latch": pick.chance(0.3),
+                "skew": pick.choice((0.0, 20.0, 35.0)),
+            }
+            for _ in range(columns * rows)
+        ],
+        "hooks": pick.chance(0.5),
+        "stopped": pick.chance(0.4),
+        "rods": pick.some((0, 1), pick.count(0, 2)),
+        "bar": pick.chance(0.5),
+        "back": pick.chance(0.6),
+        "back_screws": pick.count(2, 4),
+        "frame_tilt": pick.choice((0.0, 15.0, 25.0)),
+        "fit": pick.choice(("H11/c11", "H9/d9", "H8/f7", "exact")),
+    }
+
+
+def build(params: Mapping[str, Any]) -> Product:
+    """Return the rack: base on z = 0, front towards -y."""
+    product, deep, incline = Product(), params["depth"], math.radians(params["incline"])
+    rows, wide = len(params["bays"]) // params["columns"], params["width"]
+    pitch = (params["module"] + 5.0) / math.cos(incline)
+    plate = 0.5 * (params["module"] + 4.0)
+    reach = (deep / 2.0 + plate * math.sin(incline) + 0.5) / math.cos(incline)
+    front = (reach + 17.0) * math.cos(incline) + plate * math.sin(incline) + 1.0
+    margin = front * math.tan(incline) + pitch / 2.0 + 3.0
+    height = 2.0 * margin + (rows - 1) * pitch
+    span = params["columns"] * wide + (params["columns"] - 1) * SIDE
+    half = span / 2.0 + SIDE
+    base = product.add("base", kit.box((-half, -front, -BOARD), (half, deep / 2.0, 0.0)))
+    top = product.add("top", kit.box((-half, -front, height), (half, deep / 2.0, height + BOARD)))
+    walls = []
+    for k in range(params["columns"] + 1):
+        x = -half + k * (wide + SIDE)
+        inner = 0 < k < params["columns"]
+        solid = kit.box((x, -deep / 2.0, 0.0), (x + SIDE, deep / 2.0, height))
+        walls.append(product.add("divider" if inner else "side", solid))
+        lean, tight = math.radians(params["frame_tilt"]), clearance(3.0, params["fit"])
+        for sign, board in ((1, top), (-1, base)):
+            level = height + BOARD - 4.0 if sign > 0 else 4.0 - BOARD
+            axis = (0.0, sign * math.sin(lean), sign * math.cos(lean))
+            if inner:
+                size, origin = clearance(5.0, params["fit"]), (x + SIDE / 2.0, 0.0, level)
+                kit.peg(product, [board, walls[k]], 5.0, 14.0, origin, axis, clearance=size, reach=15.0, part="dowel")
+            else:
+                kit.fasten(product, [board, walls[k]], 3.0, 16.0, (x + SIDE / 2.0, 0.0, level), axis, clearance=tight)
+    modules: list[list[str]] = []
+    for column in range(params["columns"]):
+        modules.append([])
+        x = -half + SIDE + wide / 2.0 + column * (wide + SIDE)
+        for row in range(rows):
+            bay = params["bays"][column * rows + row]
+            if bay["full"] or row == 0:
+                place = (x, 0.0, margin + row * pitch)
+                modules[column].append(_module(product, params, bay, place, walls[column : column + 2], reach))
+    _locks(product, params, modules, (half, front, height))
+    return kit.tidy(product)
+
+
+def _module(
+    product: Product, params: Mapping[str, Any], bay: Mapping[str, Any], place: kit.Vector, walls: list[str],
+    reach: float,
+) -> str:  # fmt: skip
+    """Add one module in its guides, and its latch pin through the outer wall."""
+    wide, tall, deep, fit = params["width"] / 2.0, params["module"] / 2.0, params["depth"], params["fit"]
+    incline, gap = math.radians(params["incline"]), clearance(params["width"], params["fit"])
+    rear = (deep / 2.0 - 3.0 - tall * math.sin(incline)) / math.cos(incline)
+    near = reach if bay["face"] else reach - 4.0
+    angle = params["incline"] if params["down"] else -params["incline"]
+
+    def put(solid: kit.Manifold) -> kit.Manifold:
+        return solid.rotate((angle, 0.0, 0.0)).translate((place[0], place[1], place[2]))
+
+    edge, t = wide - gap / 2.0, TONGUE / 2.0
+    body = kit.box((-edge, -near, -tall), (edge, rear, tall))
+    body -= kit.box((17.0 - wide, 4.0 - near, 3.0 - tall), (wide - 17.0, rear - 4.0, tall + 1.0))
+    body += kit.box((-wide - TONGUE + gap / 2, -near, -t), (17.0 - wide, rear, t))
+    body += kit.box((wide - 17.0, -near, -t), (wide + TONGUE - gap / 2, rear, t))
+    if bay["face"]:
+        face = kit.box((-wide - 4.0, -reach - 4.0, -tall - 2.0), (wide + 4.0, -reach, tall + 2.0))
+        handle = kit.box((-8.0, -reach - 16.0, -3.0), (8.0, -reach - 4.0, 3.0))
+        if params["hooks"]:
+            tip = sorted((0.0, (1 if params["down"] else -1) * (tall + 6.0)))
+            handle += kit.box((10.0, -reach - 7.0, -3.0), (wide, -reach - 4.0, 3.0))
+            handle += kit.box((10.0, -reach - 8.0, tip[0]), (wide, -reach - 4.5, tip[1]))
+        body += face + handle
+    else:
+        body += kit.box((-8.0, -near - 6.0, -3.0), (8.0, -near, 3.0))
+    t += gap / 2.0
+    end = rear + gap if params["stopped"] else 2.0 * deep
+    groove = kit.box((-wide - TONGUE, -2.0 * deep, -t), (wide + TONGUE, end, t))
+    product.cut(walls, put(groove))
+    name = product.add("module", put(body))
+    if bay["latch"]:
+        sign, outer = (-1, walls[0]) if walls[0] == "side" else (1, walls[1])
+        skew, tight = math.radians(bay["skew"]), clearance(3.0, fit)
+        axis = (sign * math.cos(skew), math.sin(skew), 0.0)
+        origin = (place[0] + sign * (wide + SIDE), 0.0, place[2])
+        kit.peg(product, [outer, name], 3.0, SIDE + 9.0, origin, axis, clearance=tight, reach=8.0, part="latch")
+    return name
+
+
+def _locks(
+    product: Product, params: Mapping[str, Any], modules: list[list[str]], sizes: tuple[float, float, float]
+) -> None:
+    """Add what holds many modules at once: headed rods down through a column, a front bar, a back panel."""
+    (half, front, height), wide, deep = sizes, params["width"], params["depth"]
+    tight = clearance(4.0, params["fit"])
+    for k in params["rods"]:
+        column = k % params["columns"]
+        x = -half + SIDE + wide / 2.0 + column * (wide + SIDE) + (-1) ** k * (wide / 2.0 - 9.0)
+        origin = (x, 0.2 * deep * (-1) ** k, height + BOARD)
+        rod = kit.peg(
+            product,
+            ["top", "base", *modules[column]],
+            5.0,
+            height + 2.0 * BOARD - 4.0,
+            origin,
+            (0, 0, 1),
+            clearance=tight,
+            part="rod",
+        )
+        product.join(rod, kit.cylinder(11.0, 0.0, 4.0).translate(origin))
+    tight = clearance(3.0, params["fit"])
+    if params["bar"]:
+        bar = product.add("bar", kit.box((-7.0, -front - 6.0, -BOARD), (7.0, -front, height + BOARD)))
+        for name, level in (("base", -BOARD / 2.0), ("top", height + BOARD / 2.0)):
+            kit.fasten(product, [bar, name], 3.0, 15.0, (0.0, -front - 4.0, level), (0, -1, 0), clearance=tight)
+    if params["back"]:
+        back = product.add("back", kit.box((-half, deep / 2.0, 0.0), (half, deep / 2.0 + 5.0, height)))
+        places = ((1, 0.1), (-1, 0.9), (1, 0.9), (-1, 0.1))
+        for sign, share in places[: params["back_screws"]]:
+            origin = (sign * (half - 2.6), deep / 2.0 + 5.0, share * height)
+            name = "side_2" if sign > 0 else "side"
+            kit.fasten(product, [back, name], 2.5, 13.0, origin, (0, 1, 0), clearance=tight, head="none")
+
+
+FAMILY = Family(
+    name="module_rack",
+    version=1,
+    summary="modules in inclined guides under rods, latches and hooks: faced ones leave forwards, plain ones both ways",
+    draw=draw,
+    build=build,
+)
