@@ -18,17 +18,13 @@ class Cages:
     def __init__(self, blocking: Blocking, *, config: SpaceConfig) -> None:
         self._blocking = blocking
         self._config = config
-        self._part, self._proven = -1, False
+        self._part = -1
         self._spaces: dict[tuple[int, tuple[int, ...]], Space] = {}
-
-    def has_proven(self, part: int) -> bool:
-        """Return whether the lattices at hand have proven anything of this part before."""
-        return part == self._part and self._proven
 
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
         if part != self._part:
-            self._part, self._proven = part, False
+            self._part = part
             self._spaces.clear()
         left = self._config.max_proof_work
         resolutions = self._config.proof_resolutions
@@ -44,7 +40,6 @@ class Cages:
                 left -= work
                 flood = space.flood(others, max_visited=self._config.max_proof_visited)
                 if flood.blocked:
-                    self._proven = True
                     return space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
                 if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
                     break  # nothing left of the part, out of budget, or really out

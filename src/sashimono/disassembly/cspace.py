@@ -17,7 +17,17 @@ from jaxtyping import Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
 from sashimono.disassembly.drawing import Drawing
-from sashimono.disassembly.flood import Scene, cast, explore, label, label_all, nearest_steps, steps_back
+from sashimono.disassembly.flood import (
+    Scene,
+    cast,
+    explore,
+    label,
+    label_all,
+    nearest_steps,
+    steps_back,
+    steps_from,
+    straightened,
+)
 from sashimono.disassembly.meeting import SceneBuilder
 
 MOST_OBSTACLES = 62
@@ -39,11 +49,13 @@ class SpaceConfig:
     `NESTED` times as fine as the one before, which is its parent."""
     proof_window: int = 6
     """Steps around the assembled pose with which a proof begins; it grows where the flood reaches the rim."""
-    proof_growth: int = 3
+    proof_walls: float = 4.0
+    """Thin walls so many times as thick count as the part's smallest extent there."""
+    proof_growth: int = 9
     """How much it grows at once on that side."""
     max_proof_spaces: int = 24
     """Lattices that only prove, kept for the part at hand."""
-    max_proof_work: int = 16_000_000
+    max_proof_work: int = 20_000_000
     """Lattice points of all lattices looked at for one proof."""
     max_cells: int = 1_500_000
     """Most lattice points around the part; the window of displacements is cut to fit."""
@@ -57,6 +69,12 @@ class SpaceConfig:
     """The same on a lattice that only proves."""
     max_lead: int = 2000
     """Most visited displacements that are kept to lead the search."""
+    room_resolution: float = 5.0
+    """Lattice cells to the part's smallest extent for the lattice that shows where there is room."""
+    max_room_points: int = 4000
+    """Most lattice points that stand for one pair of parts on it."""
+    max_room_visited: int = 20_000
+    """Most displacements visited on it by one look for a way out."""
     tolerance: float = 0.02
     """Depth that a plan may add to the assembled overlap, relative to the smaller part's smallest extent."""
 
@@ -89,9 +107,11 @@ class Space:
         config: SpaceConfig,
         window: Int[np.ndarray, "2 3"] | None = None,
         parent: Space | None = None,
+        grown: bool = False,
     ) -> None:
         """Draw the lattice. A window of displacements, in steps down and up, is cut to the way out only; without one
         the lattice is as wide as fits. What a parent, `NESTED` times as coarse, has as blocked is blocked here too.
+        ``grown``: a lattice that shows where there is room, and proves nothing.
         """
         self.config = config
         self.rotation = blocking.frame(part)
@@ -103,7 +123,10 @@ class Space:
         """The obstacles, by bit."""
         outer = boxes[self.obstacles]
         # where the inertia axes are not determined, the box along the faces may be the smaller one
-        self.spacing = h = min(float(blocking.sizes[part]), float((high - low).min())) / resolution
+        extent = min(float(blocking.sizes[part]), float((high - low).min()))
+        if window is not None:
+            extent = min(extent, config.proof_walls * float(blocking.bodies[part].wall))
+        self.spacing = h = extent / resolution
         count = np.floor((high - low) / h).astype(int) + 1
         room = np.stack([high - outer[:, 0].min(axis=0), outer[:, 1].max(axis=0) - low])
         self.full = np.maximum(np.ceil(room / h).astype(int) + 1, 2)
@@ -120,12 +143,16 @@ class Space:
         self._known = np.zeros(self._labels.shape, np.bool_)
         self._parent = parent
         self._drawing = Drawing(
-            blocking, part, self.rotation, spacing=h, window=self.window, tolerance=config.tolerance
+            blocking, part, self.rotation, spacing=h, window=self.window, tolerance=config.tolerance,
+            grown=grown,
         )  # fmt: skip
         self._most = most
+        self._grown = grown
         self._drawn = 0
         self._inside = 0
-        self._builder = SceneBuilder(shape, len(self.obstacles), max_points=config.max_points)
+        self._builder = SceneBuilder(
+            shape, len(self.obstacles), max_points=config.max_room_points if grown else config.max_points
+        )
         self._scene: Scene | None = None
 
     def work(self, others: int) -> int:
@@ -152,7 +179,7 @@ class Space:
         if self._parent is not None:
             self._labels |= self._parent.labels_around(self.window, missing)
         start = tuple(int(n) for n in self.window[0])
-        if self._scene is not None:
+        if self._scene is not None and not self._grown:
             self._inside = label(self._scene, start, self._labels, self._known)
 
     def labels_around(self, window: Int[np.ndarray, "2 3"], wanted: int) -> Int[np.ndarray, "x y z"] | int:
@@ -192,6 +219,36 @@ class Space:
         cells = queue[np.unique(np.linspace(0, count - 1, min(count, self.config.max_lead)).astype(int))]
         steps = steps[cells[:, 0], cells[:, 1], cells[:, 2]]
         return Flood(blocked=False, cells=cells, steps=steps, rim=(int(side), int(axis)))
+
+    def way(self, others: int, offset: Float[np.ndarray, "3"], tried: set[tuple[int, ...]]) -> list[np.ndarray]:
+        """Return displacements [m] that lead past the obstacles from one on to the rim, the last by going straight on.
+
+        On a grown lattice: there is room along all of them. Empty if there is no room at the first, or no way on, or
+        its cell is one that was tried before.
+        """
+        wanted = self._bits_of(others)
+        self._draw(wanted)
+        cell = tuple((np.round(self.rotation @ offset / self.spacing).astype(int) + self.window[0]).tolist())
+        inside = all(0 < at < n - 1 for at, n in zip(cell, self._labels.shape, strict=True))
+        if self._scene is None or cell in tried or not inside:
+            return []
+        tried.add(cell)
+        if label(self._scene, cell, self._labels, self._known) & wanted:
+            return []
+        steps = np.full(self._labels.shape, -1, np.int32)
+        queue = np.empty((min(self.config.max_room_visited, steps.size) + 1, 3), np.int32)
+        out, count, _ = explore(
+            self._scene, self._labels, self._known, cell, wanted, steps, queue, self.config.max_room_visited
+        )  # fmt: skip
+        tried.update(map(tuple, queue[: max(count, 0)].tolist()))
+        if not out or count < 0:
+            return []
+        path = straightened(self._scene, self._labels, self._known, wanted, steps_from(steps, queue[count - 1]))
+        end = path[-1]
+        ends = np.stack([end, np.array(steps.shape) - 1 - end])
+        side, axis = np.unravel_index(int(ends.argmin()), ends.shape)
+        out_of = (1 if side else -1) * np.eye(3, dtype=int)[axis]
+        return [(at - self.window[0]) @ self.rotation * self.spacing for at in [*path, end + out_of]]
 
     def smaller_proof(self, proof: tuple[int, ...], *, max_visited: int | None = None) -> tuple[int, ...]:
         """Return a subset of obstacles that hold the part, of which none can be spared on this lattice.

@@ -198,3 +198,27 @@ def nearest_steps(cells, steps, places, out):  # pragma: no cover - compiled
             )
             best = min(best, far)
         out[n] = best
+
+
+def steps_from(steps: Int[np.ndarray, "x y z"], end: Int[np.ndarray, "3"]) -> list[Int[np.ndarray, "3"]]:
+    """Return the cells from the start of an exploration to one that it reached, by the steps to each."""
+    path = [np.asarray(end, dtype=int)]
+    while (left := int(steps[tuple(path[-1])])) > 0:
+        low = path[-1] - 1
+        around = np.argwhere(steps[tuple(slice(max(int(at), 0), int(at) + 3) for at in low)] == left - 1)
+        path.append(around[0] + np.maximum(low, 0))
+    return path[::-1]
+
+
+def straightened(scene, labels, known, obstacles: int, path: list[np.ndarray]) -> list[np.ndarray]:
+    """Return a few cells of a path, each in line of sight of the one before."""
+    kept, at = [path[0]], 0
+    while at < len(path) - 1:
+        for to in range(len(path) - 1, at, -1):
+            way = (path[to] - path[at]).astype(float)
+            far = float(np.linalg.norm(way))
+            if to == at + 1 or cast(scene, labels, known, path[at].astype(float), way / far, obstacles)[0] >= far - 0.5:
+                break
+        kept.append(path[to])
+        at = to
+    return kept
