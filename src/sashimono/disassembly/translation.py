@@ -24,7 +24,6 @@ from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.overlap import intersection_depth
 
-
 ROOM = -1
 """The level of the lattice that shows where there is room."""
 
