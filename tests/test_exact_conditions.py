@@ -12,7 +12,7 @@ from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import RemovalConditions
 from sashimono.disassembly.cspace import Space, SpaceConfig
 from sashimono.disassembly.flood import label
-from sashimono.disassembly.meeting import SceneBuilder, shell
+from sashimono.disassembly.meeting import Drawn, SceneBuilder, shell
 from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separate import Cascade, SeparateConfig
@@ -161,23 +161,26 @@ def test_the_points_that_are_kept_tell_what_all_points_would(seed: int, most: in
     solid = rng.random(sizes) < 0.7
     solid.ravel()[0] = True
     window = np.array([4, 4, 4])
-    scene = SceneBuilder(solid, window, max_points=most)
+    part = Drawn(np.pad(solid, 1), np.full(3, -1))
+    scene = SceneBuilder(window, 3, max_points=most)
     room = sizes + window - 1
     obstacles = []
-    for _ in range(3):
+    for bit in range(3):
         first = np.array([rng.integers(0, n) for n in room])
         drawn = rng.random([rng.integers(1, n - f + 1) for n, f in zip(room, first, strict=True)]) < 0.3
-        scene.add(drawn, first)
+        scene.put(bit, part, Drawn(np.pad(drawn, 1), first - 1))
         whole = np.zeros(room, bool)
         whole[tuple(slice(f, f + n) for f, n in zip(first, drawn.shape, strict=True))] = drawn
         obstacles.append(whole)
     built = scene.finished()
+    if built is None:  # nothing of the obstacles was drawn
+        return
     labels, known = np.zeros(window, np.int64), np.zeros(window, np.bool_)
-    own = shell(solid)
+    own = part.shell
     for cell in np.ndindex(*window):
         mask = int(label(built, cell, labels, known))
         for bit, whole in enumerate(obstacles):
-            theirs = shell(whole)
+            theirs = shell(np.pad(whole, 1)) - 1
             at = theirs - cell
             inside = ((at >= 0) & (at < solid.shape)).all(axis=1)
             met = [bool(whole[tuple((own + cell).T)].any()), bool(solid[tuple(at[inside].T)].any())]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from sashimono.disassembly.blocking import Blocking
-from sashimono.disassembly.cspace import Space, SpaceConfig
+from sashimono.disassembly.cspace import NESTED, Space, SpaceConfig
 
 
 class Cages:
@@ -18,30 +18,28 @@ class Cages:
     def __init__(self, blocking: Blocking, *, config: SpaceConfig) -> None:
         self._blocking = blocking
         self._config = config
-        self._part, self._proven = -1, False
-        self._spaces: dict[tuple[float, tuple[int, ...]], Space] = {}
-
-    def has_proven(self, part: int) -> bool:
-        """Return whether the lattices at hand have proven anything of this part before."""
-        return part == self._part and self._proven
+        self._part = -1
+        self._spaces: dict[tuple[int, tuple[int, ...]], Space] = {}
 
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
         if part != self._part:
-            self._part, self._proven = part, False
+            self._part = part
             self._spaces.clear()
         left = self._config.max_proof_work
         resolutions = self._config.proof_resolutions
-        for k, resolution in enumerate(resolutions):
+        for k in range(len(resolutions)):
             window = np.full((2, 3), self._config.proof_window)
             # a lattice that leaks must not grow until nothing is left for the finer ones
             kept = left - left // (len(resolutions) - k)
             while left > kept:
-                space = self._space(resolution, window)
-                left -= space.cells
+                space = self._space(k, window)
+                work = space.work(others)
+                if work > left:
+                    break
+                left -= work
                 flood = space.flood(others, max_visited=self._config.max_proof_visited)
                 if flood.blocked:
-                    self._proven = True
                     return space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
                 if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
                     break  # nothing left of the part, out of budget, or really out
@@ -49,10 +47,15 @@ class Cages:
                 window[flood.rim] *= self._config.proof_growth
         return None
 
-    def _space(self, resolution: float, window: np.ndarray) -> Space:
-        key = (resolution, tuple(window.ravel().tolist()))
+    def _space(self, level: int, window: np.ndarray) -> Space:
+        """The lattice of one level, and before it those of the coarser ones that it builds on."""
+        key = (level, tuple(window.ravel().tolist()))
         if key not in self._spaces:
+            parent = None if level == 0 else self._space(level - 1, (window + NESTED // 2) // NESTED)
             while len(self._spaces) >= self._config.max_proof_spaces:
                 self._spaces.pop(next(iter(self._spaces)))
-            self._spaces[key] = Space(self._blocking, self._part, resolution, config=self._config, window=window)
+            resolution = self._config.proof_resolutions[level]
+            self._spaces[key] = Space(
+                self._blocking, self._part, resolution, config=self._config, window=window, parent=parent
+            )
         return self._spaces[key]

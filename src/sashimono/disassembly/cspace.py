@@ -16,12 +16,26 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.disassembly.blocking import Blocking, bits
-from sashimono.disassembly.flood import Scene, cast, explore, label, nearest_steps, steps_back
+from sashimono.disassembly.drawing import Drawing
+from sashimono.disassembly.flood import (
+    Scene,
+    cast,
+    explore,
+    label,
+    label_all,
+    nearest_steps,
+    steps_back,
+    steps_from,
+    straightened,
+)
 from sashimono.disassembly.meeting import SceneBuilder
-from sashimono.disassembly.voxels import eroded_lattice
 
 MOST_OBSTACLES = 62
 """Obstacles that a lattice can tell apart (bits of a word); the nearest are taken."""
+
+
+NESTED = 3
+"""Cells along one cell of a lattice's parent; odd, so that they fill it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,28 +44,37 @@ class SpaceConfig:
 
     resolutions: tuple[float, ...] = (2.5, 5.0, 10.0)
     """Lattice cells to the part's smallest extent: coarse first, the next where that one leaks."""
-    proof_resolutions: tuple[float, ...] = (5.0, 10.0, 20.0, 40.0, 80.0)
-    """The same for lattices that only prove, where all of the above leak: thin walls, small screws in large parts."""
+    proof_resolutions: tuple[float, ...] = (5.0, 15.0, 45.0, 135.0)
+    """The same for lattices that only prove, where all of the above leak: thin walls, small screws in large parts. Each
+    `NESTED` times as fine as the one before, which is its parent."""
     proof_window: int = 6
     """Steps around the assembled pose with which a proof begins; it grows where the flood reaches the rim."""
-    proof_growth: int = 3
+    proof_walls: float = 4.0
+    """Thin walls so many times as thick count as the part's smallest extent there."""
+    proof_growth: int = 9
     """How much it grows at once on that side."""
     max_proof_spaces: int = 24
     """Lattices that only prove, kept for the part at hand."""
-    max_proof_work: int = 2_500_000
+    max_proof_work: int = 20_000_000
     """Lattice points of all lattices looked at for one proof."""
     max_cells: int = 1_500_000
     """Most lattice points around the part; the window of displacements is cut to fit."""
-    max_proof_cells: int = 2_000_000
+    max_proof_cells: int = 4_000_000
     """The same for a lattice that only proves."""
     max_points: int = 1000
     """Most lattice points that stand for one pair of parts; of more, evenly many are taken."""
     max_visited: int = 200_000
     """Most displacements visited by one flood."""
-    max_proof_visited: int = 5_000
+    max_proof_visited: int = 100_000
     """The same on a lattice that only proves."""
     max_lead: int = 2000
     """Most visited displacements that are kept to lead the search."""
+    room_resolution: float = 5.0
+    """Lattice cells to the part's smallest extent for the lattice that shows where there is room."""
+    max_room_points: int = 4000
+    """Most lattice points that stand for one pair of parts on it."""
+    max_room_visited: int = 20_000
+    """Most displacements visited on it by one look for a way out."""
     tolerance: float = 0.02
     """Depth that a plan may add to the assembled overlap, relative to the smaller part's smallest extent."""
 
@@ -83,12 +106,15 @@ class Space:
         *,
         config: SpaceConfig,
         window: Int[np.ndarray, "2 3"] | None = None,
+        parent: Space | None = None,
+        grown: bool = False,
     ) -> None:
         """Draw the lattice. A window of displacements, in steps down and up, is cut to the way out only; without one
-        the lattice is as wide as fits."""
+        the lattice is as wide as fits. What a parent, `NESTED` times as coarse, has as blocked is blocked here too.
+        ``grown``: a lattice that shows where there is room, and proves nothing.
+        """
         self.config = config
         self.rotation = blocking.frame(part)
-        own = blocking.vertices(part) @ self.rotation.T
         boxes = blocking.boxes_in(self.rotation)
         low, high = boxes[part]
         others = [k for k in range(len(blocking)) if k != part]
@@ -97,7 +123,10 @@ class Space:
         """The obstacles, by bit."""
         outer = boxes[self.obstacles]
         # where the inertia axes are not determined, the box along the faces may be the smaller one
-        self.spacing = h = min(float(blocking.sizes[part]), float((high - low).min())) / resolution
+        extent = min(float(blocking.sizes[part]), float((high - low).min()))
+        if window is not None:
+            extent = min(extent, config.proof_walls * float(blocking.bodies[part].wall))
+        self.spacing = h = extent / resolution
         count = np.floor((high - low) / h).astype(int) + 1
         room = np.stack([high - outer[:, 0].min(axis=0), outer[:, 1].max(axis=0) - low])
         self.full = np.maximum(np.ceil(room / h).astype(int) + 1, 2)
@@ -108,27 +137,72 @@ class Space:
         self.is_cut = bool((self.window < self.full).any())
         """Whether the rim of the lattice is not the way out yet."""
         shape = self.window.sum(axis=0) + 1
-        fits = np.prod(shape + count - 1, dtype=float) <= most
-        self.cells = int(np.prod(shape + count - 1)) if fits else 0
-        """Lattice points around the part, 0 if that is too many."""
-        self._labels = np.zeros(tuple(int(n) for n in shape) if fits else (0, 0, 0), np.int64)
+        size = shape if window is not None else shape + count - 1
+        fits = np.prod(size, dtype=float) <= most
+        self._labels = np.zeros(tuple(shape.tolist()) if fits else (0, 0, 0), np.int64)
         self._known = np.zeros(self._labels.shape, np.bool_)
+        self._parent = parent
+        self._drawing = Drawing(
+            blocking, part, self.rotation, spacing=h, window=self.window, tolerance=config.tolerance,
+            grown=grown,
+        )  # fmt: skip
+        self._most = most
+        self._grown = grown
+        self._drawn = 0
+        self._inside = 0
+        self._builder = SceneBuilder(
+            shape, len(self.obstacles), max_points=config.max_room_points if grown else config.max_points
+        )
         self._scene: Scene | None = None
-        if fits:
-            corner = low + 0.5 * ((high - low) - (count - 1) * h)
-            self._scene = self._draw(blocking, part, own, corner, count, boxes)
+
+    def work(self, others: int) -> int:
+        """Return how many lattice points stand for these obstacles (a mask of parts) and the part, those of a lattice
+        on which none do included."""
+        return self._labels.size + sum(self._cells(bit) for bit in bits(self._bits_of(others)))
+
+    def _cells(self, bit: int) -> int:
+        """Lattice points of a pair, 0 where they are too many to be drawn."""
+        cells = self._drawing.region(self.obstacles[bit]).cells
+        return cells if cells <= self._most else 0
+
+    def _draw(self, wanted: int) -> None:
+        """Draw the obstacles (bits) that are not drawn yet; those too large for this lattice are never met."""
+        missing = wanted & ~self._drawn
+        if not missing or not self._labels.size:
+            return
+        self._drawn |= missing
+        for bit in bits(missing):
+            if self._cells(bit):
+                self._builder.put(bit, *self._drawing.draw(self.obstacles[bit]))
+        self._scene = self._builder.finished()
+        self._known[:] = False
+        if self._parent is not None:
+            self._labels |= self._parent.labels_around(self.window, missing)
         start = tuple(int(n) for n in self.window[0])
-        self._inside = 0 if self._scene is None else label(self._scene, start, self._labels, self._known)
+        if self._scene is not None and not self._grown:
+            self._inside = label(self._scene, start, self._labels, self._known)
+
+    def labels_around(self, window: Int[np.ndarray, "2 3"], wanted: int) -> Int[np.ndarray, "x y z"] | int:
+        """Return the labels of obstacles (bits) for a lattice `NESTED` times as fine, around the assembled pose.
+
+        Each cell of the finer one is within one of this lattice.
+        """
+        self._draw(wanted)
+        if self._scene is None:
+            return 0
+        label_all(self._scene, self._labels, self._known)
+        wanted &= ~self._inside
+        steps = [(np.arange(-low, high + 1) + NESTED // 2) // NESTED for low, high in window.T]
+        return self._labels[np.ix_(*(at + low for at, low in zip(steps, self.window[0], strict=True)))] & wanted
 
     def flood(self, others: int, *, max_visited: int | None = None) -> Flood:
         """Return whether these obstacles (a mask of parts) hold the part, or the steps to a way out.
 
         Past ``max_visited`` displacements (the configuration's, if not given) it gives up: not blocked, no steps.
         """
-        if self._scene is None:  # too thin, or too wide, for this lattice
-            return Flood(blocked=False)
-        wanted = self._bits_of(others)
-        if not wanted:
+        self._draw(self._bits_of(others))
+        wanted = self._bits_of(others) & ~self._inside
+        if not wanted or self._scene is None:  # too thin, or too wide, for this lattice
             return Flood(blocked=False)
         budget = max_visited or self.config.max_visited
         steps = np.full(self._labels.shape, -1, np.int32)
@@ -145,6 +219,36 @@ class Space:
         cells = queue[np.unique(np.linspace(0, count - 1, min(count, self.config.max_lead)).astype(int))]
         steps = steps[cells[:, 0], cells[:, 1], cells[:, 2]]
         return Flood(blocked=False, cells=cells, steps=steps, rim=(int(side), int(axis)))
+
+    def way(self, others: int, offset: Float[np.ndarray, "3"], tried: set[tuple[int, ...]]) -> list[np.ndarray]:
+        """Return displacements [m] that lead past the obstacles from one on to the rim, the last by going straight on.
+
+        On a grown lattice: there is room along all of them. Empty if there is no room at the first, or no way on, or
+        its cell is one that was tried before.
+        """
+        wanted = self._bits_of(others)
+        self._draw(wanted)
+        cell = tuple((np.round(self.rotation @ offset / self.spacing).astype(int) + self.window[0]).tolist())
+        inside = all(0 < at < n - 1 for at, n in zip(cell, self._labels.shape, strict=True))
+        if self._scene is None or cell in tried or not inside:
+            return []
+        tried.add(cell)
+        if label(self._scene, cell, self._labels, self._known) & wanted:
+            return []
+        steps = np.full(self._labels.shape, -1, np.int32)
+        queue = np.empty((min(self.config.max_room_visited, steps.size) + 1, 3), np.int32)
+        out, count, _ = explore(
+            self._scene, self._labels, self._known, cell, wanted, steps, queue, self.config.max_room_visited
+        )  # fmt: skip
+        tried.update(map(tuple, queue[: max(count, 0)].tolist()))
+        if not out or count < 0:
+            return []
+        path = straightened(self._scene, self._labels, self._known, wanted, steps_from(steps, queue[count - 1]))
+        end = path[-1]
+        ends = np.stack([end, np.array(steps.shape) - 1 - end])
+        side, axis = np.unravel_index(int(ends.argmin()), ends.shape)
+        out_of = (1 if side else -1) * np.eye(3, dtype=int)[axis]
+        return [(at - self.window[0]) @ self.rotation * self.spacing for at in [*path, end + out_of]]
 
     def smaller_proof(self, proof: tuple[int, ...], *, max_visited: int | None = None) -> tuple[int, ...]:
         """Return a subset of obstacles that hold the part, of which none can be spared on this lattice.
@@ -183,53 +287,19 @@ class Space:
 
         0 where nothing does: then the travel to the rim.
         """
+        wanted = self._bits_of(others)
+        self._draw(wanted)
+        wanted &= ~self._inside
         if self._scene is None:
             return np.inf, 0
         start = self.rotation @ offset / self.spacing + self.window[0]
         along = self.rotation @ direction
-        steps, mask = cast(self._scene, self._labels, self._known, start, along, self._bits_of(others))
+        steps, mask = cast(self._scene, self._labels, self._known, start, along, wanted)
         return steps * self.spacing, sum(1 << self.obstacles[bit] for bit in bits(mask))
 
     def _bits_of(self, others: int) -> int:
-        """The obstacles as bits, without those that the lattice has in the assembled pose already."""
-        wanted = sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1)
-        return wanted & ~int(self._inside)
-
-    def _draw(
-        self,
-        blocking: Blocking,
-        part: int,
-        own: Float[np.ndarray, "vertex 3"],
-        corner: Float[np.ndarray, "3"],
-        count: Int[np.ndarray, "3"],
-        boxes: Float[np.ndarray, "part 2 3"],
-    ) -> Scene | None:
-        """Draw the shrunk part and the shrunk obstacles; None if nothing is left of the part."""
-        h, config = self.spacing, self.config
-        half = 0.25 * np.sqrt(3.0) * h * (1.0 + 1e-6)
-        share = config.tolerance * blocking.sizes[part]
-        solid = eroded_lattice(
-            own, blocking.faces(part), origin=corner, spacing=h, shape=tuple(count.tolist()), radius=half + share
-        )
-        if not solid.any():
-            return None
-        scene = SceneBuilder(solid, np.array(self._labels.shape), max_points=config.max_points)
-        origin = corner - self.window[0] * h
-        shape = count + self._labels.shape - 1
-        for other in self.obstacles:
-            first = np.maximum(np.floor((boxes[other, 0] - origin) / h).astype(int), 0)
-            last = np.minimum(np.ceil((boxes[other, 1] - origin) / h).astype(int) + 1, shape)
-            if (last <= first).any():
-                scene.add(np.zeros((0, 0, 0), np.bool_), first)
-                continue
-            depth = config.tolerance * min(blocking.sizes[part], blocking.sizes[other])
-            depth += blocking.allowances[part, other]
-            drawn = eroded_lattice(
-                blocking.vertices(other) @ self.rotation.T, blocking.faces(other), origin=origin + first * h, spacing=h,
-                shape=tuple((last - first).tolist()), radius=half + max(2.0 * depth - share, 0.0),
-            )  # fmt: skip
-            scene.add(drawn, first)
-        return scene.finished()
+        """The obstacles as bits."""
+        return sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1)
 
 
 def cover(walls: list[int]) -> list[int]:

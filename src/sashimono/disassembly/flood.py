@@ -13,7 +13,8 @@ class Scene(NamedTuple):
     """A part and its obstacles as lattice points, for the kernels.
 
     Whether the part, moved to a cell, meets obstacle b is told by the points ``start[b]`` to ``start[b + 1]``: points
-    of the part that are looked up among the obstacles, or the other way round, whichever are fewer.
+    of the part that are looked up in the obstacle's grid, or the other way round, whichever are fewer. Each grid
+    covers only where the two can meet.
     """
 
     points: Int[np.ndarray, "point 3"]
@@ -22,23 +23,28 @@ class Scene(NamedTuple):
     """Whether an obstacle's points are the part's, not its own."""
     boxes: Int[np.ndarray, "obstacle 2 3"]
     """First and last cell of displacement at which the boxes of part and obstacle meet."""
-    owners: Int[np.ndarray, "x y z"]
-    """Obstacles (bits) at each lattice point."""
-    solid: Bool[np.ndarray, "x y z"]
-    """The part's lattice points, from its own corner."""
+    grids: Bool[np.ndarray, "grid_point"]
+    """The lattice points looked up, all grids in a row."""
+    grid_start: Int[np.ndarray, "obstacle"]
+    grid_low: Int[np.ndarray, "obstacle 3"]
+    """First corner of each grid, from the corner of the common lattice, or of the part's own."""
+    grid_shape: Int[np.ndarray, "obstacle 3"]
 
 
 @njit(cache=True, nogil=True)
 def label(scene, cell, labels, known):  # pragma: no cover - compiled
-    """Return the obstacles (bits) that a part, moved to a cell of the displacement lattice, runs into."""
+    """Return the obstacles (bits) that a part, moved to a cell of the displacement lattice, runs into.
+
+    Those that a label holds before it is known stay in it.
+    """
     i, j, k = cell
     if not known[i, j, k]:
-        mask = 0
+        mask = labels[i, j, k]
         for b in range(scene.is_own.shape[0]):
             box = scene.boxes[b]
             if i < box[0, 0] or j < box[0, 1] or k < box[0, 2] or i > box[1, 0] or j > box[1, 1] or k > box[1, 2]:
                 continue
-            if _meets(scene, b, i, j, k):
+            if not mask >> b & 1 and _meets(scene, b, i, j, k):
                 mask |= 1 << b
         labels[i, j, k] = mask
         known[i, j, k] = True
@@ -46,17 +52,24 @@ def label(scene, cell, labels, known):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
+def label_all(scene, labels, known):  # pragma: no cover - compiled
+    """Work out the labels of all cells."""
+    for i in range(labels.shape[0]):
+        for j in range(labels.shape[1]):
+            for k in range(labels.shape[2]):
+                label(scene, (i, j, k), labels, known)
+
+
+@njit(cache=True, nogil=True)
 def _meets(scene, b, i, j, k):  # pragma: no cover - compiled
-    points = scene.points
-    if scene.is_own[b]:
-        for p in range(scene.start[b], scene.start[b + 1]):
-            if scene.owners[points[p, 0] + i, points[p, 1] + j, points[p, 2] + k] >> b & 1:
-                return True
-        return False
-    nx, ny, nz = scene.solid.shape
+    points, grids = scene.points, scene.grids
+    sign = 1 if scene.is_own[b] else -1
+    ox, oy, oz = sign * i - scene.grid_low[b, 0], sign * j - scene.grid_low[b, 1], sign * k - scene.grid_low[b, 2]
+    nx, ny, nz = scene.grid_shape[b, 0], scene.grid_shape[b, 1], scene.grid_shape[b, 2]
+    base = scene.grid_start[b]
     for p in range(scene.start[b], scene.start[b + 1]):
-        x, y, z = points[p, 0] - i, points[p, 1] - j, points[p, 2] - k
-        if 0 <= x < nx and 0 <= y < ny and 0 <= z < nz and scene.solid[x, y, z]:
+        x, y, z = points[p, 0] + ox, points[p, 1] + oy, points[p, 2] + oz
+        if 0 <= x < nx and 0 <= y < ny and 0 <= z < nz and grids[base + (x * ny + y) * nz + z]:
             return True
     return False
 
@@ -102,7 +115,9 @@ def explore(scene, labels, known, start, obstacles, steps, queue, budget):
                     near = (x * shape[1] + y) * shape[2] + z
                     if steps[x, y, z] >= 0:
                         continue
-                    mask = label(scene, (x, y, z), labels, known) & obstacles
+                    mask = labels[x, y, z] & obstacles  # a wall known by one obstacle need not be known by all
+                    if mask == 0:
+                        mask = label(scene, (x, y, z), labels, known) & obstacles
                     if mask != 0:
                         new = True
                         for m in range(count_walls):
@@ -183,3 +198,27 @@ def nearest_steps(cells, steps, places, out):  # pragma: no cover - compiled
             )
             best = min(best, far)
         out[n] = best
+
+
+def steps_from(steps: Int[np.ndarray, "x y z"], end: Int[np.ndarray, "3"]) -> list[Int[np.ndarray, "3"]]:
+    """Return the cells from the start of an exploration to one that it reached, by the steps to each."""
+    path = [np.asarray(end, dtype=int)]
+    while (left := int(steps[tuple(path[-1])])) > 0:
+        low = path[-1] - 1
+        around = np.argwhere(steps[tuple(slice(max(int(at), 0), int(at) + 3) for at in low)] == left - 1)
+        path.append(around[0] + np.maximum(low, 0))
+    return path[::-1]
+
+
+def straightened(scene, labels, known, obstacles: int, path: list[np.ndarray]) -> list[np.ndarray]:
+    """Return a few cells of a path, each in line of sight of the one before."""
+    kept, at = [path[0]], 0
+    while at < len(path) - 1:
+        for to in range(len(path) - 1, at, -1):
+            way = (path[to] - path[at]).astype(float)
+            far = float(np.linalg.norm(way))
+            if to == at + 1 or cast(scene, labels, known, path[at].astype(float), way / far, obstacles)[0] >= far - 0.5:
+                break
+        kept.append(path[to])
+        at = to
+    return kept

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Int
 
@@ -13,69 +15,87 @@ _CANDIDATES = 16
 """Points looked at for each that is kept."""
 
 
+class Drawn(NamedTuple):
+    """Some of a solid's lattice points: a box of the lattice, with a layer around that is there for its shell only."""
+
+    solid: Bool[np.ndarray, "x y z"]
+    first: Int[np.ndarray, "3"]
+    """The lattice point of the box's first corner."""
+
+    @property
+    def shell(self) -> Int[np.ndarray, "point 3"]:
+        """The points, but those of the outermost layer, that have one of their six neighbours outside the solid."""
+        return shell(self.solid) + self.first
+
+
 class SceneBuilder:
-    """Takes in obstacles one by one and keeps, of each pair, the side with fewer points that can meet at all.
+    """Takes in obstacles as they are drawn and keeps, of each pair, the side with fewer points that can meet at all.
 
     A small screw in a wide lid is told by the screw's points; sampled evenly, the lid's would miss it.
     """
 
-    def __init__(
-        self, solid: Bool[np.ndarray, "x y z"], displacements: Int[np.ndarray, "3"], *, max_points: int
-    ) -> None:
-        """Take in the part's lattice points and the shape of the lattice of displacements."""
-        self._solid = solid
+    def __init__(self, displacements: Int[np.ndarray, "3"], count: int, *, max_points: int) -> None:
+        """Take in the shape of the lattice of displacements, and how many obstacles there are."""
         self._reach = displacements - 1
         self._most = max_points
-        self._table: np.ndarray | None = None
-        self._own = shell(solid)
-        self._low, self._high = self._own.min(axis=0), self._own.max(axis=0)
-        self._owners = np.zeros(tuple(np.array(solid.shape) + self._reach), np.int64)
-        self._points: list[np.ndarray] = []
-        self._is_own: list[bool] = []
-        self._boxes: list[np.ndarray] = []
+        self._points = [np.zeros((0, 3), np.int64)] * count
+        self._is_own = [True] * count
+        self._boxes = [np.array([[1, 1, 1], [0, 0, 0]])] * count
+        self._grids: list[Drawn | None] = [None] * count
 
-    def add(self, drawn: Bool[np.ndarray, "x y z"], first: Int[np.ndarray, "3"]) -> None:
-        """Add the next obstacle: its lattice points, drawn from this corner of the common lattice on."""
-        bit = len(self._points)
-        theirs = shell(drawn) + first
-        own = self._own
-        box = np.array([[1, 1, 1], [0, 0, 0]])
-        is_own = True
-        if len(theirs):
-            last = first + drawn.shape
-            view = self._owners[first[0] : last[0], first[1] : last[1], first[2] : last[2]]
-            view[drawn] |= 1 << bit
-            box = np.stack([theirs.min(axis=0) - self._high, theirs.max(axis=0) - self._low])
-            own = _within(own, theirs.min(axis=0) - self._reach, theirs.max(axis=0))
-            theirs = _within(theirs, self._low, self._high + self._reach)
-            if min(len(own), len(theirs)) > self._most:
-                own, theirs = _thinned(own, _CANDIDATES * self._most), _thinned(theirs, _CANDIDATES * self._most)
-                own = own[_any_within(_summed(drawn), own - first, own - first + self._reach)]
-                self._table = _summed(self._solid) if self._table is None else self._table
-                theirs = theirs[_any_within(self._table, theirs - self._reach, theirs)]
-            is_own = len(own) <= len(theirs)
-        self._points.append(_thinned(own if is_own and len(theirs) else theirs, self._most))
-        self._is_own.append(is_own)
-        self._boxes.append(box)
+    def put(self, bit: int, part: Drawn, obstacle: Drawn) -> None:
+        """Put in an obstacle: where it and the part can meet, of both. One that is not put in is met nowhere.
 
-    def finished(self) -> Scene:
-        """Return the scene of all obstacles added, by bit in their order."""
+        The obstacle's points are counted from the corner of the lattice that the part's corner is on when it is moved
+        to the first displacement.
+        """
+        own, theirs = part.shell, obstacle.shell
+        if not len(own) or not len(theirs):
+            return
+        low, high = own.min(axis=0), own.max(axis=0)
+        box = np.stack([theirs.min(axis=0) - high, theirs.max(axis=0) - low])
+        own = _within(own, theirs.min(axis=0) - self._reach, theirs.max(axis=0))
+        theirs = _within(theirs, low, high + self._reach)
+        if min(len(own), len(theirs)) > self._most:
+            own, theirs = _thinned(own, _CANDIDATES * self._most), _thinned(theirs, _CANDIDATES * self._most)
+            at = own - obstacle.first
+            own = own[_any_within(_summed(obstacle.solid), at, at + self._reach)]
+            at = theirs - part.first
+            theirs = theirs[_any_within(_summed(part.solid), at - self._reach, at)]
+        is_own = len(own) <= len(theirs)
+        self._points[bit] = _thinned(own if is_own else theirs, self._most)
+        self._is_own[bit] = is_own
+        self._boxes[bit] = box
+        self._grids[bit] = obstacle if is_own else part
+
+    def finished(self) -> Scene | None:
+        """Return the scene of all obstacles put in; None if none is met anywhere."""
+        grids: dict[int, tuple[int, Drawn]] = {}  # many obstacles may share the part's
+        size, start = 0, []
+        for drawn in self._grids:
+            if drawn is not None and id(drawn.solid) not in grids:
+                grids[id(drawn.solid)] = size, drawn
+                size += drawn.solid.size
+            start.append(0 if drawn is None else grids[id(drawn.solid)][0])
+        if not grids:
+            return None
         return Scene(
             points=np.concatenate([np.zeros((0, 3), np.int64), *self._points]).astype(np.int32),
             start=np.cumsum([0, *(len(points) for points in self._points)]),
             is_own=np.array(self._is_own, np.bool_),
             boxes=np.array(self._boxes, np.int64).reshape(-1, 2, 3),
-            owners=self._owners,
-            solid=self._solid,
+            grids=np.concatenate([drawn.solid.ravel() for _, drawn in grids.values()]),
+            grid_start=np.array(start, np.int64),
+            grid_low=np.array([np.zeros(3) if d is None else d.first for d in self._grids], np.int64),
+            grid_shape=np.array([np.zeros(3) if d is None else d.solid.shape for d in self._grids], np.int64),
         )
 
 
 def shell(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "point 3"]:
-    """Return the lattice points of a solid that have one of their six neighbours outside it."""
-    if not solid.size:
-        return np.zeros((0, 3), np.int64)
-    out = solid.copy()
+    """Return the lattice points of a solid that have one of their six neighbours outside it, but no outermost ones."""
+    out = np.zeros_like(solid)
     inner = solid[1:-1, 1:-1, 1:-1]
+    out[1:-1, 1:-1, 1:-1] = inner
     inner = inner & solid[:-2, 1:-1, 1:-1] & solid[2:, 1:-1, 1:-1] & solid[1:-1, :-2, 1:-1]
     inner &= solid[1:-1, 2:, 1:-1] & solid[1:-1, 1:-1, :-2] & solid[1:-1, 1:-1, 2:]
     out[1:-1, 1:-1, 1:-1] &= ~inner

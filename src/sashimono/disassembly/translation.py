@@ -24,14 +24,19 @@ from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.overlap import intersection_depth
 
+ROOM = -1
+"""The level of the lattice that shows where there is room."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class TranslationConfig:
     """Budgets of the search; they count work, never time."""
 
     space: SpaceConfig = field(default_factory=SpaceConfig)
-    max_legs: int = 40
+    max_legs: int = 30
     """Legs traced on each lattice; those that are stopped at once do not count."""
+    max_traces: int = 45
+    """The same with those that are stopped at once."""
     max_branches: int = 12
     """Legs queued from one displacement along one direction."""
     max_halts: int = 64
@@ -48,8 +53,10 @@ class TranslationConfig:
     """Shortest leg, relative to the part's smallest extent."""
     leg_cost: float = 0.3
     """What another leg costs, in steps of the configuration space's lattice."""
-    max_spaces: int = 6
+    max_spaces: int = 8
     """Configuration spaces kept."""
+    room_looks: int = 12
+    """Places along each traced leg from which a way out is looked for where there is room."""
     booleans: int = 8
     """Poses on each leg of a way out in which the bodies shared with each obstacle are looked at: samples of large
     plain faces are too far apart to see a thin wall."""
@@ -92,15 +99,9 @@ class TranslationSearch:
             if flood.blocked:
                 return _proven(space.smaller_proof(flood.proof))
             led.append((space, flood))
-        # fine lattices cost more than the search, but where they have proven one set, they prove its like at once
-        orders = (True, False) if self._cages.has_proven(part) else (False, True)
-        found = TranslationResult(removal=None)
-        for fine in orders:
-            answer = self.caged(part, others) if fine else self._led(part, others, led)
-            if answer.proven or answer.removal is not None:
-                return answer
-            found = answer if answer.reason else found
-        return found
+        # a proof costs less than a search that finds nothing
+        answer = self.caged(part, others)
+        return answer if answer.proven else self._led(part, others, led)
 
     def caged(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return the proof on fine lattices that the others let the part nowhere by translations, or nothing."""
@@ -110,7 +111,8 @@ class TranslationSearch:
     def _led(self, part: int, others: Sequence[int], led: list[tuple[Space, Flood]]) -> TranslationResult:
         found = TranslationResult(removal=None)
         for space, flood in (led[-1], led[0]):  # the finest lattice is the most faithful, the coarsest sees farthest
-            found = _BestFirst(self._legs_of(part), self._levels, others, space, flood, self.config).run()
+            legs, room = self._legs_of(part), self._space(part, ROOM)
+            found = _BestFirst(legs, self._levels, others, space, flood, room, self.config).run()
             if found.removal is not None:
                 break
         return found
@@ -138,8 +140,9 @@ class TranslationSearch:
         if key not in self._spaces:
             while len(self._spaces) >= self.config.max_spaces:
                 self._spaces.pop(next(iter(self._spaces)))
-            config = self.config.space
-            self._spaces[key] = Space(self.blocking, part, config.resolutions[level], config=config)
+            config, grown = self.config.space, level == ROOM
+            resolution = config.room_resolution if grown else config.resolutions[level]
+            self._spaces[key] = Space(self.blocking, part, resolution, config=config, grown=grown)
         return self._spaces[key]
 
 
@@ -156,12 +159,14 @@ class _BestFirst:
         others: Sequence[int],
         space: Space,
         flood: Flood,
+        room: Space,
         config: TranslationConfig,
     ) -> None:
         self.legs = legs
         self.blocking, self.part, self.others = legs.blocking, legs.part, list(others)
         blocking, part = self.blocking, self.part
-        self.space, self.flood, self.config = space, flood, config
+        self.space, self.flood, self.room, self.config = space, flood, room, config
+        self.tried: set[tuple[int, ...]] = set()
         self.boxes = blocking.boxes_in(np.eye(3))
         self.mask = sum(1 << other for other in others)
         self.cell = config.least_travel * float(blocking.sizes[part])
@@ -176,9 +181,12 @@ class _BestFirst:
 
     def run(self) -> TranslationResult:
         """Return the first way out, or that there is none, or that the budget ran out."""
+        removal = self._through_room([np.zeros(3)], np.zeros(3), 0.0)
+        if removal is not None:
+            return TranslationResult(removal=removal)
         self._expand([np.zeros(3)])
-        traced = 0
-        while self.queue and traced < self.config.max_legs:
+        traced = looked = 0
+        while self.queue and traced < self.config.max_legs and looked < self.config.max_traces:
             _, _, path, signed, length = heapq.heappop(self.queue)
             direction = self.signed[signed]
             key = (self._key(path[-1]), signed)
@@ -187,11 +195,15 @@ class _BestFirst:
                 continue
             travel, stopper = self.legs.travel(path[-1], signed, length, self.others, enough=self.cell)
             traced += int(travel > self.least)
+            looked += 1
             if stopper is None and np.isinf(length):
                 removal = self._removal(path, direction)
                 if self._holds(removal):
                     return TranslationResult(removal=removal, legs=traced)
                 continue
+            removal = self._through_room(path, direction, travel)
+            if removal is not None:
+                return TranslationResult(removal=removal, legs=traced)
             if stopper is None:
                 self._expand([*path, end])
                 continue
@@ -207,6 +219,34 @@ class _BestFirst:
             else f"no way out by translations along the {len(self.lines)} lines tried, and no proof that there is none"
         )
         return TranslationResult(removal=None, blocked_by=tuple(sorted(self.met)), reason=reason, legs=traced)
+
+    def _through_room(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"], travel: float) -> Removal | None:
+        """Return the removal that leaves a traced leg where there is room, if from there a way leads out."""
+        steps = self.config.room_looks
+        for u in np.arange(1, steps + 1) / steps if travel > self.least else [1.0]:
+            here = path[-1] + u * travel * direction
+            way = self.room.way(self.mask, here, self.tried)
+            if not way:
+                continue
+            stops = [*path, *([here] if travel > 0.0 else []), *way[1:]]
+            legs = [(start, stop - start) for start, stop in pairwise(stops)][len(path) - 1 :]
+            lengths = [float(np.linalg.norm(leg)) for _, leg in legs]
+            if any(
+                self._is_stopped(start, leg / length, np.inf if k == len(legs) - 1 else length)
+                for k, ((start, leg), length) in enumerate(zip(legs, lengths, strict=True))
+            ):
+                continue
+            removal = self._removal(stops[:-1], legs[-1][1] / lengths[-1])
+            if self._holds(removal):
+                return removal
+        return None
+
+    def _is_stopped(self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float) -> bool:
+        blocking, part = self.blocking, self.part
+        return any(
+            meeting < length and np.isfinite(blocking.travel(part, offset, direction, other, length=length))
+            for meeting, other in blocking.met(part, offset, direction, self.others)
+        )
 
     def _expand(self, path: list[np.ndarray]) -> None:
         """Queue the most promising legs that start at the end of a path."""

@@ -29,6 +29,24 @@ def eroded_lattice(
     return winding > 0
 
 
+def grown_lattice(
+    vertices: Float[np.ndarray, "vertex 3"],
+    faces: Int[np.ndarray, "face 3"],
+    *,
+    origin: Float[np.ndarray, "3"],
+    spacing: float,
+    shape: tuple[int, int, int],
+    radius: float,
+) -> Bool[np.ndarray, "x y z"]:
+    """Return which points ``origin + spacing * (i, j, k)`` are in a solid or nearer to it than a radius [m]."""
+    winding = np.zeros(shape, np.int16)
+    scaled = np.ascontiguousarray((vertices - origin) / spacing)
+    _wind(scaled, faces, winding)
+    outside = (winding <= 0).astype(np.int16)
+    _strip(scaled, faces, radius / spacing, outside)
+    return outside == 0
+
+
 @njit(cache=True, nogil=True)
 def _left_of(ax, ay, bx, by, x, y):  # pragma: no cover - compiled
     """Whether a point lies left of the line from a to b; the line itself belongs to the same side from both ends."""
