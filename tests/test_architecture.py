@@ -43,18 +43,8 @@ LEVELS = [
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}
 """The only imports within a level."""
 
-DISTRIBUTIONS = {"fcl": "python-fcl", "igl": "libigl", "warp": "warp-lang"}
+DISTRIBUTIONS = {"PIL": "pillow", "fcl": "python-fcl", "igl": "libigl", "warp": "warp-lang"}
 """Distributions whose import name differs."""
-
-LIGHT_LEARNING = {"__init__", "cloud_cache", "registry", "infer", "evaluate", "report", "commands"}
-"""Modules of learning that run in the base install; all others need the extra ``train``."""
-
-OF_AN_EXTRA = {"sashimono.disassembly.batch_kernels"} | {
-    ".".join(["sashimono", *path.relative_to(PACKAGE).with_suffix("").parts])
-    for path in (PACKAGE / "learning").rglob("*.py")
-    if path.stem not in LIGHT_LEARNING
-}
-"""Modules that need an extra: imported only where it is asked for, and by each other."""
 
 
 def module_of(path: Path) -> str:
@@ -93,6 +83,32 @@ def in_package(path: Path) -> Iterator[tuple[str, str]]:
             yield rest[0], ".".join(rest)
 
 
+def of_an_extra() -> set[str]:
+    """Return the modules that need an extra: Warp's kernels, and what of learning imports PyTorch, also indirectly."""
+    found = {"sashimono.disassembly.batch_kernels"}
+    while True:
+        needed = {"torch", *found}
+        more = {
+            f"sashimono.{module_of(path)}"
+            for path in MODULES
+            if unit_of(path) == "learning"
+            and any(
+                at_module_level and any(f"{name}.".startswith(f"{module}.") for module in needed)
+                for name, at_module_level in imported(path)
+            )
+        }
+        if more <= found:
+            return found
+        found |= more
+
+
+OF_AN_EXTRA = of_an_extra()
+"""Modules that are imported only where their extra is asked for, and by each other."""
+
+BASE_LEARNING = {"cloud_cache", "commands", "evaluate", "infer", "registry", "report"}
+"""Modules of learning that run in the base install."""
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_imports_point_downward(path: Path) -> None:
     unit = unit_of(path)
@@ -119,6 +135,11 @@ def test_modules_of_an_extra_are_imported_only_where_it_is_asked_for() -> None:
     light = [path for path in MODULES if f"sashimono.{module_of(path)}" not in OF_AN_EXTRA]
     early = [name for path in light for name, at_module_level in imported(path) if at_module_level]
     assert [name for name in early if any(f"{name}.".startswith(f"{module}.") for module in OF_AN_EXTRA)] == []
+
+
+def test_learning_that_runs_in_the_base_install_needs_no_torch() -> None:
+    assert {f"sashimono.learning.{name}" for name in BASE_LEARNING} & OF_AN_EXTRA == set()
+    assert "sashimono.learning.past" in OF_AN_EXTRA
 
 
 def test_third_party_imports_are_declared() -> None:

@@ -154,6 +154,13 @@ def washer(size: float, *, thickness: float | None = None, clearance: float = 0.
     return tube(2.0 * size, size + clearance, 0.0, height, segments=SEGMENTS)
 
 
+def clip(outer: float, bore: float, z0: float, z1: float, *, segments: int = SEGMENTS) -> Manifold:
+    """Return a horseshoe clip about z: a ring open towards +x by its whole bore, so that it slides into a groove."""
+    ring = tube(outer, bore, z0, z1, segments=segments)
+    ring -= box((0.0, -bore / 2.0, z0 - 1.0), (outer, bore / 2.0, z1 + 1.0))
+    return ring - box((0.35 * outer, -outer, z0 - 1.0), (outer, outer, z1 + 1.0))
+
+
 def thread(diameter: float, depth: float, pitch: float, z0: float, z1: float, *, segments: int = 24) -> Manifold:
     """Return a one-start round thread about z: an eccentric circle extruded with a twist.
 

@@ -11,6 +11,7 @@ from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import RemovalConditions
+from sashimono.disassembly.cspace import SpaceConfig
 from sashimono.disassembly.orders import OrdersConfig, count_orders, random_walk
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.systems import stuck_parts
@@ -27,9 +28,12 @@ class LabelConfig:
     separate: SeparateConfig = field(
         default_factory=lambda: SeparateConfig(
             max_unproven=1,
-            max_queries=32,
+            max_queries=48,
             max_traced=4_000_000,
-            translation=TranslationConfig(max_legs=8),
+            translation=TranslationConfig(
+                max_legs=12,
+                space=SpaceConfig(max_proof_work=3_000_000, max_proof_cells=1_000_000, max_proof_visited=20_000),
+            ),
         )
     )
     """Level 1. One set without motion or proof is enough to call a part's conditions incomplete."""

@@ -19,7 +19,7 @@ from sashimono.d4pas.families import families
 from sashimono.d4pas.foreign import ForeignItem, find_assemblies, foreign_rows
 from sashimono.d4pas.journal import Journal
 from sashimono.d4pas.labels import LabelConfig
-from sashimono.d4pas.recipe import draw_recipe
+from sashimono.d4pas.recipe import Recipe, draw_recipe
 from sashimono.d4pas.recipe_book import RecipeBook, read_book
 from sashimono.d4pas.rows import Outcome, RowConfig, canonical, digest, make_rows
 from sashimono.d4pas.splits import REAL, assign_splits
@@ -41,6 +41,7 @@ class MakeItem:
     seed: int
     pair: bool
     turned: float
+    whole: float
 
     @property
     def key(self) -> str:
@@ -116,12 +117,15 @@ def work(item: MakeItem | ForeignItem, *, config: RowConfig) -> dict[str, Any]:
         if isinstance(item, ForeignItem):
             outcome = foreign_rows(item, config=config)
         else:
-            recipe = draw_recipe(item.family, item.seed, turned=item.turned, pair=item.pair)
-            outcome = make_rows(recipe, config=config)
+            outcome = make_rows(_recipe(item), config=config)
     except Exception as error:  # the run goes on, and the reason is in failures.parquet
         outcome = Outcome(rows=None, reason=f"{type(error).__name__}: {error}", seconds={})
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {**_about(item), **asdict(outcome), "peak": peak}
+
+
+def _recipe(item: MakeItem) -> Recipe:
+    return draw_recipe(item.family, item.seed, turned=item.turned, whole=item.whole, pair=item.pair)
 
 
 def _items(source: str) -> tuple[RecipeBook, list[MakeItem] | list[ForeignItem]]:
@@ -130,7 +134,8 @@ def _items(source: str) -> tuple[RecipeBook, list[MakeItem] | list[ForeignItem]]
         return RecipeBook(name=Path(source).resolve().name, version="0", counts={}), items
     book = read_book(source)
     return book, [
-        MakeItem(family=family, seed=seed, pair=pair, turned=book.turned) for family, seed, pair in book.items()
+        MakeItem(family=family, seed=seed, pair=pair, turned=book.turned, whole=book.whole)
+        for family, seed, pair in book.items()
     ]
 
 
@@ -138,7 +143,7 @@ def _about(item: MakeItem | ForeignItem) -> dict[str, Any]:
     if isinstance(item, ForeignItem):
         return {"family": item.family, "params": json.dumps(item.params, sort_keys=True), "seed": 0}
     try:
-        params = draw_recipe(item.family, item.seed, turned=item.turned, pair=item.pair).params
+        params = _recipe(item).params
     except Exception:  # the family cannot even draw: the reason of the failure says so
         params = {}
     return {"family": item.family, "params": json.dumps(params, sort_keys=True), "seed": item.seed}
@@ -148,7 +153,7 @@ def _identity(book: RecipeBook, items: Sequence[Any], config: RowConfig) -> str:
     """What a run is: two with the same identity make the same dataset."""
     content = {
         "book": asdict(book),
-        "items": [item.key for item in items],
+        "items": [item.params if isinstance(item, ForeignItem) else item.key for item in items],
         "families": {name: family.version for name, family in families().items()},
         "config": asdict(config),
         "version": __version__,

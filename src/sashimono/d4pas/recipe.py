@@ -24,7 +24,10 @@ ROTATION = "rotation"
 """The parameter, of every family, that turns the whole product: a quaternion (w, x, y, z), or None."""
 
 ONLY = "only"
-"""The parameter by which a blueprint is but two parts of a product: their names."""
+"""The parameter by which a blueprint is but some parts of a product, that hang together: their names."""
+
+SIZES = {3: 0.22, 4: 0.2, 5: 0.16, 6: 0.12, 7: 0.1, 8: 0.08, 9: 0.06, 11: 0.06}
+"""How many parts a blueprint has that is not a whole product, each with its share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +44,18 @@ class Recipe:
     @property
     def id(self) -> str:
         """Name of the blueprint, unique in a dataset."""
-        return self.name or f"{self.family}-{self.seed:06d}{'-pair' if ONLY in self.params else ''}"
+        return self.name or f"{self.family}-{self.seed:06d}{'-pair' if len(self.params.get(ONLY, ())) == 2 else ''}"
 
 
-def draw_recipe(family: str, seed: int, *, turned: float = 0.25, pair: bool = False) -> Recipe:
-    """Return the recipe of a family's member with this seed; this share of them is turned out of the axes.
+def draw_recipe(family: str, seed: int, *, turned: float = 0.25, whole: float = 1.0, pair: bool = False) -> Recipe:
+    """Return the recipe of a family's member with this seed. Raises InputError for an unknown family.
 
-    With ``pair``, of two parts of it that touch, drawn at random. Raises InputError for an unknown family.
+    Args:
+        family: Its name.
+        seed: Of everything that is drawn.
+        turned: Share of members that are turned out of the axes.
+        whole: Share of members that are whole products; of the others, some parts that hang together are taken.
+        pair: Take two parts that touch.
     """
     kind = families().get(family)
     if kind is None:
@@ -55,14 +63,17 @@ def draw_recipe(family: str, seed: int, *, turned: float = 0.25, pair: bool = Fa
     key = int.from_bytes(hashlib.sha256(family.encode()).digest()[:4], "big")
     rng = np.random.default_rng([key, seed])
     params = kind.draw(rng)
-    assert ROTATION not in params, f"{family}: the parameter {ROTATION} is taken"
+    assert not {ROTATION, ONLY} & set(params), f"{family}: a parameter's name is taken"
     quaternion = rng.normal(size=4)
     quaternion /= np.linalg.norm(quaternion)
     is_turned = bool(rng.random() < turned)
     params[ROTATION] = [round(float(x), 6) for x in quaternion] if is_turned else None
-    if pair:
-        touching = _touching_pairs(kind.build(params))
-        params[ONLY] = list(touching[int(rng.integers(len(touching)))])
+    is_whole = bool(rng.random() < whole)
+    count = 2 if pair else int(rng.choice(list(SIZES), p=list(SIZES.values())))
+    if pair or not is_whole:
+        product = kind.build(params)
+        if len(product.solids) > count:
+            params[ONLY] = _hanging_together(product, count, rng)
     return Recipe(family=family, version=kind.version, params=params, seed=seed)
 
 
@@ -168,9 +179,20 @@ def _near_boxes(solids: Mapping[str, Manifold], gap: float) -> Iterator[tuple[st
                 yield names[j], names[k]
 
 
-def _touching_pairs(product: Product, gap: float = 0.35) -> list[tuple[str, str]]:
+def _hanging_together(product: Product, count: int, rng: np.random.Generator, *, gap: float = 0.35) -> list[str]:
+    """Names of this many parts, grown from one drawn at random by parts that touch those taken; in product order."""
     solids = product.solids
-    return [pair for pair in _near_boxes(solids, gap) if _near(solids[pair[0]], solids[pair[1]], gap)]
+    touching: dict[str, list[str]] = {name: [] for name in solids}
+    for first, second in _near_boxes(solids, gap):
+        if _near(solids[first], solids[second], gap):
+            touching[first].append(second)
+            touching[second].append(first)
+    names = list(solids)
+    taken = [names[int(rng.integers(len(names)))]]
+    while len(taken) < count:
+        around = [name for name in names if name not in taken and any(name in touching[other] for other in taken)]
+        taken.append(around[int(rng.integers(len(around)))])
+    return [name for name in names if name in taken]
 
 
 def _near(first: Manifold, second: Manifold, gap: float) -> bool:

@@ -29,6 +29,8 @@ class RecipeBook:
     first_seed: int = 0
     turned: float = 0.25
     """Share of blueprints that are turned out of the axes."""
+    whole: float = 1.0
+    """Share of blueprints that are whole products; the others are some parts of one that hang together."""
     max_sequences: int = 16
     """Most sequences listed of a blueprint."""
     max_steps: int = 1
@@ -65,7 +67,18 @@ def read_book(name: str) -> RecipeBook:
 
 
 def _book(content: dict, where: str) -> RecipeBook:
-    known = {"name", "version", "first_seed", "turned", "max_sequences", "max_steps", "families", "pairs", "split"}
+    known = {
+        "name",
+        "version",
+        "first_seed",
+        "turned",
+        "whole",
+        "max_sequences",
+        "max_steps",
+        "families",
+        "pairs",
+        "split",
+    }
     _refuse_unknown(content, known, where)
     counts = _counts(content.get("families"), f"{where}: [families]")
     if not counts:
@@ -76,7 +89,9 @@ def _book(content: dict, where: str) -> RecipeBook:
         split = {**split, "unseen": tuple(split["unseen"])}
         for family in split["unseen"]:
             _refuse_unknown_family(family, f"{where}: [split] unseen")
-    options = {key: content[key] for key in ("first_seed", "turned", "max_sequences", "max_steps") if key in content}
+    options = {
+        key: content[key] for key in ("first_seed", "turned", "whole", "max_sequences", "max_steps") if key in content
+    }
     for key, value in options.items():
         if not isinstance(value, int | float) or isinstance(value, bool) or value < 0:
             raise InputError(f"{where}: {key} = {value!r} should be a number of 0 or more; mend it")

@@ -1,4 +1,4 @@
-"""A picture of an assembly: parallel view from above, soft light, thin edges, outer parts of glass where they hide others.
+"""A picture of an assembly: parallel view, soft light, thin edges, outer parts of glass where they hide others.
 
 Drawn on the processor, without a window. The image is drawn larger and averaged down.
 """
@@ -16,7 +16,7 @@ from sashimono.assembly import Assembly
 from sashimono.d4pas.palette import to_srgb
 from sashimono.d4pas.zbuffer import NOTHING, Layer, draw, empty_layer, smooth_normals
 
-INK = np.array([0.012, 0.016, 0.024])
+INK = np.array([0.012, 0.016, 0.024], dtype=np.float32)
 """Of edges, linear RGB."""
 
 
@@ -38,7 +38,7 @@ class RenderConfig:
     """Whether parts that hide others are drawn as glass."""
     hidden: float = 0.15
     """A part of which less than this share is seen is hidden."""
-    glass: float = 0.13
+    glass: float = 0.26
     """Opacity of glass seen straight on; it grows towards its rims."""
 
 
@@ -83,18 +83,9 @@ def render(
         seen = screen * [1.0, -1.0, -1.0]
         draw(clear if k in glass else opaque, k, screen, triangles, smooth_normals(seen, triangles))
 
-    image = np.ones((rows, columns, 3))
-    image *= 1.0 - 0.30 * _shadow(solids, faces, R, place, rows, columns)[..., None]
-    extent = float(min(rows, columns))
-    solid = opaque.covered
-    image[solid] = _shade(opaque, colors, extent)[solid]
-    _ink(image, _edges(opaque), 0.78, scale)
-    front = clear.covered & (clear.depth < opaque.depth)
-    if front.any():
-        facing = np.clip(clear.normal[..., 2], 0.0, 1.0)
-        alpha = np.where(front, config.glass + 0.42 * (1.0 - facing) ** 2.5, 0.0)[..., None]
-        image = image * (1.0 - alpha) + alpha * _shade(clear, colors, extent)
-        _ink(image, _edges(clear) & (front | ~solid), 0.42, scale)
+    image = np.empty((rows, columns, 3), dtype=np.float32)
+    image[:] = 1.0 - np.float32(0.30) * _shadow(solids, faces, R, place, rows, columns)[..., None]
+    _paint(image, opaque, clear, colors.astype(np.float32), config.glass)
     small = image.reshape(config.height, scale, config.width, scale, 3).mean(axis=(1, 3))
     pixels = np.round(255.0 * to_srgb(small)).astype(np.uint8)
     return Picture(pixels=pixels, anchors=_anchors(opaque, clear, len(assembly), scale))
@@ -106,7 +97,27 @@ def view_rotation(azimuth: float, elevation: float) -> Float[np.ndarray, "3 3"]:
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 
 
-Solids = Sequence[Float[np.ndarray, "vertex 3"]]
+def _paint(image: np.ndarray, opaque: Layer, clear: Layer, colors: np.ndarray, glass: float) -> None:
+    """Paint the layers over an image: what is solid, its edges, then the glass before it."""
+    extent = float(min(image.shape[:2]))
+    used = np.nonzero(opaque.covered | clear.covered)
+    box = tuple(slice(int(axis.min()), int(axis.max()) + 1) for axis in used)
+    image, opaque, clear = image[box], opaque.cut(box), clear.cut(box)
+    solid = opaque.covered
+    image[solid] = _shade(opaque, solid, colors, extent)
+    lines = _edges(opaque)
+    image[lines] += 0.78 * (INK - image[lines])
+    front = clear.covered & (clear.depth < opaque.depth)
+    if not front.any():
+        return
+    facing = np.clip(clear.normal[front][:, 2:], 0.0, 1.0)
+    alpha = glass + 0.42 * (1.0 - facing) ** 2.5
+    image[front] += alpha * (_shade(clear, front, colors, extent) - image[front])
+    lines = _edges(clear) & front
+    image[lines] += 0.62 * (0.35 * colors[clear.part[lines]] - image[lines])
+
+
+Solids = Sequence[np.ndarray]
 Triangles = Sequence[np.ndarray]
 
 
@@ -131,30 +142,52 @@ def _project(seen: np.ndarray, place: _Place, rows: int, columns: int) -> np.nda
     return np.stack([0.5 * columns + x - 0.5, 0.5 * rows - y - 0.5, -z], axis=1)
 
 
-def _shade(layer: Layer, colors: Float[np.ndarray, "part 3"], extent: float) -> np.ndarray:
-    """Return linear colours: light from the sky, a soft key light from the upper left, and less where it is narrow."""
-    n = layer.normal
-    key = np.array([-0.48, 0.62, 0.62]) / np.linalg.norm([-0.48, 0.62, 0.62])
-    half = key + [0.0, 0.0, 1.0]
+def _shade(layer: Layer, where: np.ndarray, colors: np.ndarray, extent: float) -> np.ndarray:
+    """Return the linear colours of these pixels: light from the sky, a soft key light from the upper left."""
+    n = layer.normal[where]
+    key = np.array([-0.48, 0.62, 0.62], dtype=np.float32)
+    key /= np.linalg.norm(key)
+    half = key + np.array([0.0, 0.0, 1.0], dtype=np.float32)
     half /= np.linalg.norm(half)
-    lit = np.clip(n @ key, 0.0, 1.0)
-    light = 0.50 + 0.14 * n[..., 1] + 0.62 * lit
+    light = 0.54 + 0.14 * n[:, 1] + 0.62 * np.clip(n @ key, 0.0, 1.0)
     shine = 0.10 * np.clip(n @ half, 0.0, 1.0) ** 32
-    base = colors[np.maximum(layer.part, 0)]
-    return np.clip(base * (light * _openness(layer, extent))[..., None] + shine[..., None], 0.0, 1.0)
+    light *= _openness(layer, extent)[where]
+    return np.clip(colors[layer.part[where]] * light[:, None] + shine[:, None], 0.0, 1.0)
 
 
 def _openness(layer: Layer, extent: float) -> np.ndarray:
-    """Return how open each pixel lies, in (0, 1]: less where its surroundings are nearer to the viewer."""
+    """Return how open each pixel lies, in (0, 1]: less where its surroundings are nearer to the viewer.
+
+    The surroundings' mean depth is smooth, and so found on a coarser grid.
+    """
     covered = layer.covered
-    mask = covered.astype(np.float32)
-    depth = np.where(covered, layer.depth, 0.0).astype(np.float32)
+    depth = np.where(covered, layer.depth, np.float32(0.0))
+    coarse = 3
+    few_depth, few_mask = (_shrink(values.astype(np.float32), coarse) for values in (depth, covered))
     out = np.ones(depth.shape, dtype=np.float32)
-    for share, strength in ((0.008, 0.35), (0.03, 0.45)):
+    for share, strength in ((0.008, 0.32), (0.03, 0.42)):
         sigma = share * extent
-        around = _blur(depth, sigma) / np.maximum(_blur(mask, sigma), 1e-3)
-        out *= 1.0 - strength * np.clip((depth - around) / (2.0 * sigma), 0.0, 1.0)
-    return np.where(covered, out, 1.0)
+        around = _blur(few_depth, sigma / coarse) / np.maximum(_blur(few_mask, sigma / coarse), 1e-3)
+        out *= 1.0 - strength * np.clip((depth - _stretch(around, depth.shape)) / (2.0 * sigma), 0.0, 1.0)
+    return out
+
+
+def _shrink(values: np.ndarray, by: int) -> np.ndarray:
+    rows, columns = (-(-n // by) * by for n in values.shape)
+    padded = np.pad(values, ((0, rows - values.shape[0]), (0, columns - values.shape[1])), mode="edge")
+    return padded.reshape(rows // by, by, columns // by, by).mean(axis=(1, 3))
+
+
+def _stretch(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return values on a finer grid, linear between."""
+    for axis, count in enumerate(shape):
+        at = np.clip((np.arange(count) + 0.5) * values.shape[axis] / count - 0.5, 0.0, values.shape[axis] - 1.0)
+        low = np.minimum(at.astype(int), max(0, values.shape[axis] - 2))
+        part = (at - low).astype(np.float32)
+        part = part[:, None] if axis == 0 else part[None, :]
+        high = np.minimum(low + 1, values.shape[axis] - 1)
+        values = values.take(low, axis=axis) * (1.0 - part) + values.take(high, axis=axis) * part
+    return values
 
 
 def _blur(values: np.ndarray, sigma: float) -> np.ndarray:
@@ -174,22 +207,15 @@ def _edges(layer: Layer) -> np.ndarray:
         a[axis], b[axis] = slice(None, -1), slice(1, None)
         first, second = tuple(a), tuple(b)
         other = layer.part[first] != layer.part[second]
-        bent = np.einsum("ijk,ijk->ij", layer.normal[first], layer.normal[second]) < 0.86
-        with np.errstate(invalid="ignore"):
+        n, m = layer.normal[first], layer.normal[second]
+        bent = n[..., 0] * m[..., 0] + n[..., 1] * m[..., 1] + n[..., 2] * m[..., 2] < 0.86
+        with np.errstate(invalid="ignore"):  # of two pixels that show nothing
             jump = np.abs(layer.depth[first] - layer.depth[second])
-        steep = np.minimum(np.abs(layer.normal[first][..., 2]), np.abs(layer.normal[second][..., 2]))
-        step = jump > 3.0 + 2.5 / np.maximum(steep, 0.05)
-        both = layer.covered[first] & layer.covered[second]
-        line = other | (both & (bent | step))
+        step = jump > 3.0 + 2.5 / np.maximum(np.minimum(n[..., 2], m[..., 2]), 0.05)
+        line = other | ((bent | step) & (layer.part[first] != NOTHING))
         found[first] |= line
         found[second] |= line
     return found
-
-
-def _ink(image: np.ndarray, lines: np.ndarray, opacity: float, scale: int) -> None:
-    """Draw lines, about one pixel of the image wide."""
-    wide = ndimage.binary_dilation(lines, iterations=max(0, scale // 4)) if scale >= 4 else lines
-    image[wide] = (1.0 - opacity) * image[wide] + opacity * INK
 
 
 def _shadow(
@@ -199,14 +225,15 @@ def _shadow(
     ground = min(float(solid[:, 2].min()) for solid in solids)
     small = 4
     layer = empty_layer(rows // small, columns // small)
-    slant = 0.18 * (R[0] - R[2]) * [1.0, 1.0, 0.0]
+    slant = 0.10 * (R[0] - R[2]) * [1.0, 1.0, 0.0]
     for solid, triangles in zip(solids, faces, strict=True):
         height = solid[:, 2:] - ground
         flat = np.concatenate([(solid + height * slant)[:, :2], np.full((len(solid), 1), ground)], axis=1)
         points = _project(flat @ R.T, place, rows, columns) / [small, small, 1.0]
         draw(layer, 0, points, triangles, np.zeros((len(triangles), 3, 3)))
-    soft = _blur(layer.covered.astype(np.float32), 0.018 * min(layer.part.shape))
-    return ndimage.zoom(soft, small, order=1)[:rows, :columns]
+    soft = _blur(layer.covered.astype(np.float32), 0.022 * min(layer.part.shape))
+    fade = [np.clip((0.5 - np.abs((np.arange(n) + 0.5) / n - 0.5)) / 0.06, 0.0, 1.0) for n in soft.shape]
+    return _stretch((soft * np.outer(*fade)).astype(np.float32), (rows, columns))
 
 
 def _own_depths(solids: Solids, faces: Triangles, R: Float[np.ndarray, "3 3"], size: int) -> np.ndarray:
@@ -261,19 +288,17 @@ def _choose_glass(solids: Solids, faces: Triangles, R: Float[np.ndarray, "3 3"],
 
 
 def _anchors(opaque: Layer, clear: Layer, count: int, scale: int) -> dict[int, tuple[float, float, float]]:
+    middle = scale // 2
+    solid, glass = (layer.part[middle::scale, middle::scale] for layer in (opaque, clear))
     out = {}
     for k in range(count):
-        seen = opaque.part == k
-        if not seen.any():
-            seen = (clear.part == k) & ~opaque.covered
-        if not seen.any():
-            seen = clear.part == k
-        if seen.any():
+        for seen in (solid == k, (glass == k) & (solid == NOTHING), glass == k):
             rows, columns = np.nonzero(seen)
-            top, left = rows.min(), columns.min()
-            crop = np.pad(seen[top : rows.max() + 1, left : columns.max() + 1], 1)
-            inside = ndimage.distance_transform_edt(crop)
-            row, column = np.unravel_index(int(np.argmax(inside)), inside.shape)
-            at = ((left + column - 0.5) / scale, (top + row - 0.5) / scale, float(inside[row, column]) / scale)
-            out[k] = (float(at[0]), float(at[1]), at[2])
+            if len(rows):
+                top, left = int(rows.min()), int(columns.min())
+                crop = np.pad(seen[top : rows.max() + 1, left : columns.max() + 1], 1)
+                inside = np.asarray(ndimage.distance_transform_edt(crop))
+                row, column = np.unravel_index(int(np.argmax(inside)), inside.shape)
+                out[k] = (left + float(column) - 0.5, top + float(row) - 0.5, float(inside[row, column]))
+                break
     return out

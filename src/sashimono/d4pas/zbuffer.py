@@ -28,6 +28,10 @@ class Layer:
         """Where there is something."""
         return self.part != NOTHING
 
+    def cut(self, box: tuple[slice, ...]) -> Layer:
+        """Return a window of the layer."""
+        return Layer(depth=self.depth[box], part=self.part[box], normal=self.normal[box])
+
 
 def empty_layer(rows: int, columns: int) -> Layer:
     """Return a layer that shows nothing."""

@@ -91,6 +91,10 @@ class TranslationSearch:
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
+        # near the assembled pose a proof costs least, and most parts that are held are held there
+        answer = self.caged(part, others)
+        if answer.proven:
+            return answer
         mask = sum(1 << other for other in others)
         led = []
         for level in range(len(self.config.space.resolutions)):
@@ -99,9 +103,7 @@ class TranslationSearch:
             if flood.blocked:
                 return _proven(space.smaller_proof(flood.proof))
             led.append((space, flood))
-        # a proof costs less than a search that finds nothing
-        answer = self.caged(part, others)
-        return answer if answer.proven else self._led(part, others, led)
+        return self._led(part, others, led)
 
     def caged(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return the proof on fine lattices that the others let the part nowhere by translations, or nothing."""

@@ -46,6 +46,18 @@ def parse_ply(data: bytes) -> Mesh:
     return Mesh(vertices=vertices, faces=triangulate(vertices, polygons), color=color)
 
 
+def parse_points(data: bytes) -> np.ndarray:
+    """Return the points of a PLY file, x, y, z, and their normals if it has them: (point, 3 or 6).
+
+    ValueError, IndexError or KeyError if it is broken.
+    """
+    encoding, elements, body = _parse_header(data)
+    tables = _read_ascii(elements, body) if encoding == "ascii" else _read_binary(elements, body, encoding)
+    vertex = tables["vertex"]
+    names = [*"xyz", *(("nx", "ny", "nz") if "nx" in vertex else ())]
+    return np.column_stack([np.asarray(vertex[name], dtype=np.float64) for name in names])
+
+
 def _parse_header(data: bytes) -> tuple[str, list[_Element], bytes]:
     head, marker, body = data.partition(b"end_header")
     if not head.startswith(b"ply") or not marker:

@@ -16,6 +16,7 @@ from sashimono.geometry.shapes import identical_shapes
 from sashimono.io import meshes
 from sashimono.io.checks import close_parts, find_overlaps, size_note
 from sashimono.io.folders import read_folder
+from sashimono.io.fusion360 import ASSEMBLY_FILE, read_fusion360
 from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig
 from sashimono.io.scenes import read_3mf_scene, read_gltf_scene, unique_names
 from sashimono.io.split import split_parts
@@ -29,6 +30,8 @@ def read_assembly(
     path: str | Path, *, unit: str | None = None, repair: bool = True, config: ReadConfig | None = None
 ) -> Assembly:
     """Return the assembly in a STEP, glTF or 3MF file, or in a folder of OBJ, STL or PLY files in place.
+
+    A folder may also have the form of the Fusion 360 Gallery assembly dataset.
 
     Parts come in product-tree order (scenes) or natural name order (folders), in metres, with
     closed outward surfaces. ``unit`` ("mm", "m", "cm", "in", ...) is for mesh files, which state
@@ -69,7 +72,8 @@ def read_assembly(
 
 def _read_raw(path: Path, unit: str | None, config: ReadConfig) -> RawAssembly:
     if path.is_dir():
-        return read_folder(path, unit)
+        gallery = read_fusion360(path) if (path / ASSEMBLY_FILE).is_file() else None
+        return read_folder(path, unit) if gallery is None else gallery
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
