@@ -35,7 +35,7 @@ LEVELS = [
     {"pipeline"},
     {"outputs", "console"},
     {"commands"},
-    {"cli_dataset"},
+    {"cli_dataset", "cli_learning"},
     {"cli"},
 ]
 """Lowest first; a unit is a module or package right below `sashimono`."""

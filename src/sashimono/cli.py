@@ -19,6 +19,7 @@ import typer
 
 from sashimono import __version__
 from sashimono.cli_dataset import dataset_app
+from sashimono.cli_learning import learning_app
 from sashimono.commands import BAD_INPUT, INTERRUPTED, NO_PLAN, OK, plan_and_write, reading_options
 from sashimono.errors import SashimonoError
 from sashimono.outputs import refuse_bad_files, refuse_unwritable, replacing_together, write_json
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from sashimono.assembly import Assembly
     from sashimono.disassembly.separate import Cascade
 
-METHODS = ("cascade", "physics")
+METHODS = ("cascade", "physics", "past")
 """What ``--method`` takes in this version."""
 
 app = typer.Typer(
@@ -39,6 +40,7 @@ app = typer.Typer(
 )
 
 app.add_typer(dataset_app, name="dataset")
+app.add_typer(learning_app)
 
 InputPath = Annotated[
     Path, typer.Argument(metavar="INPUT", help=".step/.stp, a folder of .obj/.stl/.ply in place, .glb/.gltf or .3mf")
@@ -120,7 +122,9 @@ def plan(
     unit: Unit = None,
     split: Split = "auto",
     seed: Seed = 0,
-    method: Annotated[str, typer.Option(help="how removals are found: cascade, or physics (Algorithm 1)")] = "cascade",
+    method: Annotated[
+        str, typer.Option(help="how removals are found: cascade, physics (Algorithm 1), or past (learned)")
+    ] = "cascade",
     device: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="with --method physics: simulate on this Warp device (cuda:0, cpu)"),

@@ -51,7 +51,7 @@ def plan_and_write(
         typer.echo(f"note: {note}", err=True)
     with progress_display() as progress:
         config = PipelineConfig(
-            method=cast("Literal['cascade', 'physics']", method),
+            method=cast("Literal['cascade', 'physics', 'past']", method),
             algorithm1=Algorithm1Config(device=device),
             separate=SeparateConfig(declare=DeclareConfig(enabled=declare_threads)),
             gripper=gripper,

@@ -33,8 +33,11 @@ logger = logging.getLogger(__name__)
 class PipelineConfig:
     """Options of every level, and how often they go back to one another."""
 
-    method: Literal["cascade", "physics"] = "cascade"
-    """How removals are found: the cascade, or the paper's Algorithm 1."""
+    method: Literal["cascade", "physics", "past"] = "cascade"
+    """How removals are found: the cascade; the paper's Algorithm 1; or the cascade, asked first in the order that the
+    learned network proposes."""
+    network: str = "past-posed"
+    """The network of the method ``past``: a shipped one, or a folder."""
     algorithm1: Algorithm1Config = field(default_factory=Algorithm1Config)
     """Options of the method ``physics``."""
     executable: bool = True
@@ -163,8 +166,10 @@ def _take_apart(
     progress: Callable[[int], None],
 ) -> DisassemblyResult:
     """Level 1: the cascade, or Algorithm 1, where a part that a later level refused is not pushed again."""
-    if config.method == "cascade":
-        return find_disassembly(cascade, config=config.sequence, banned=banned, progress=progress)
+    if config.method != "physics":
+        proposed = propose_removals(planner.assembly, config.network) if config.method == "past" else ()
+        options = {"config": config.sequence, "banned": banned, "progress": progress}
+        return find_disassembly(cascade, proposed=proposed, **options)
     refused = frozenset(part for members, _ in banned for part in bits(members))
     options = {"config": config.algorithm1, "refused": refused, "progress": progress}
     if not (config.executable and config.contacts):
@@ -173,6 +178,14 @@ def _take_apart(
         planner.assembly, planner.bodies, gripper=named_gripper(config.gripper), config=config.contact, rng=rng
     )
     return plan_disassembly(cascade.blocking, is_executable=executable, **options)
+
+
+def propose_removals(assembly: Assembly, network: str) -> list[int]:
+    """Return the parts in the order in which a network takes them out, the base last; SashimonoError without one."""
+    from sashimono.learning.infer import assembly_clouds, encode_clouds, load_network, take_apart
+
+    found = load_network(network)
+    return take_apart(encode_clouds(assembly_clouds(assembly, found.relations), found), found)
 
 
 class _Judge:

@@ -278,6 +278,6 @@ def tidy(product: Product) -> Product:
         mesh = solid.to_mesh64()
         corners_of = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts)]
         edges = corners_of - np.roll(corners_of, 1, axis=1)
-        if (edges**2).sum(axis=2).min() < 1e-8:
+        if len(edges) and (edges**2).sum(axis=2).min() < 1e-8:
             product.solids[name] = solid.as_original().simplify(1e-4)
     return product

@@ -8,7 +8,7 @@ a subassembly leaves as one body, and is taken apart by itself: the result is a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -94,6 +94,7 @@ def find_disassembly(
     config: SequenceConfig,
     start: int | None = None,
     banned: frozenset[Ban] = frozenset(),
+    proposed: Sequence[int] = (),
     progress: Callable[[int], None] = lambda removed: None,
 ) -> DisassemblyResult:
     """Return an order in which the parts leave, as far as the cascade finds one.
@@ -103,10 +104,12 @@ def find_disassembly(
         config: Taste.
         start: Mask of the parts that are there; all if None.
         banned: Departures that are not to be taken.
+        proposed: Parts in the order in which they may leave, the base last, from elsewhere (a network). The first of
+            them that remains is asked before all others; where it cannot leave, taste decides as ever.
         progress: Called with the number of parts that have left so far.
     """
     return _disassemble(
-        _Chooser(cascade, config, banned), cascade.blocking.all_parts if start is None else start, progress
+        _Chooser(cascade, config, banned, proposed), cascade.blocking.all_parts if start is None else start, progress
     )
 
 
@@ -117,7 +120,9 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
     stuck: list[tuple[int, Separation]] = []
     last: Float[np.ndarray, "3"] | None = None
     while remaining & (remaining - 1):
-        choice = chooser.next_single(remaining, protected, last)
+        choice = chooser.next_proposed(remaining, protected, last)
+        if choice is None:
+            choice = chooser.next_single(remaining, protected, last)
         if choice is None and chooser.single_free(protected, remaining):
             # the base itself can go: keep another one instead, the best of those that are left
             protected = chooser.base_among(remaining & ~(1 << protected))
@@ -158,8 +163,10 @@ REFUSED = Separation(
 class _Chooser:
     """Ranks what is free; holds the contact graph and the sizes."""
 
-    def __init__(self, cascade: Cascade, config: SequenceConfig, banned: frozenset[Ban]) -> None:
-        self.cascade, self.config, self.banned = cascade, config, banned
+    def __init__(
+        self, cascade: Cascade, config: SequenceConfig, banned: frozenset[Ban], proposed: Sequence[int]
+    ) -> None:
+        self.cascade, self.config, self.banned, self.proposed = cascade, config, banned, proposed
         table = cascade.blocking
         self.volumes = np.array([body.mass_properties.volume for body in table.bodies])
         boxes = np.array([np.ptp(part.bounds_world, axis=0) for part in cascade.assembly.parts])
@@ -170,7 +177,13 @@ class _Chooser:
         self.up = np.array(config.up)
 
     def base_among(self, remaining: int) -> int:
-        """The bulkiest of the best connected parts: bulk times one more than the number of touching parts."""
+        """The bulkiest of the best connected parts: bulk times one more than the number of touching parts.
+
+        Where an order was proposed, its last part.
+        """
+        for part in reversed(self.proposed):
+            if remaining >> part & 1:
+                return part
         parts = bits(remaining)
         scores = [self.bulk[k] * (1 + self.neighbours[k].bit_count()) for k in parts]
         return parts[int(np.argmax(np.round(np.array(scores) / max(scores), 9)))]
@@ -195,6 +208,19 @@ class _Chooser:
     def single_free(self, part: int, remaining: int) -> bool:
         worth = self.preference(None)
         return self.cascade.single(part, remaining, preference=worth, banned=self.banned) is not None
+
+    def next_proposed(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
+        """The first part of the proposed order that remains, if it can leave."""
+        part = next((k for k in self.proposed if remaining >> k & 1 and k != protected), None)
+        if part is None:
+            return None
+        worth = self.preference(last)
+        separation = self.cascade.single(part, remaining, preference=worth, banned=self.banned)
+        for ask in (self.cascade.unscrewed, self.cascade.further):
+            if separation is None and (1 << part, -1) not in self.banned:
+                found = ask(part, remaining)
+                separation = found if found.answer is Answer.FREE else None
+        return None if separation is None else Departure(part=part, members=1 << part, separation=separation)
 
     def next_single(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
         """The best part that one translation frees; the maps rank, tracing decides.

@@ -140,7 +140,7 @@ def build(params: Mapping[str, Any]) -> Product:
     product = _cube(params) if params["kind"] == "cube" else _weave(params)
     # a slanted peg may cut a crumb off a corner
     product.solids = {name: max(s.decompose(), key=Manifold.volume) for name, s in product.solids.items()}
-    return product
+    return kit.tidy(product)
 
 
 def _cube(params: Mapping[str, Any]) -> Product:

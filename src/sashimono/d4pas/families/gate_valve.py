@@ -13,20 +13,22 @@ from sashimono.d4pas import kit
 from sashimono.d4pas.fits import clearance
 from sashimono.d4pas.product import Family, Product
 
+_SKIRT = 12.0
+"""How far the bonnet reaches down over the body's neck."""
+
 
 def draw(rng: np.random.Generator) -> dict[str, Any]:
     """Return the parameters of one valve."""
     pick = kit.Draw(rng)
     head = pick.choice(("tee", "tee", "plain"))
     return {
-        "bore": pick.length(14.0, 22.0),
-        "lean": pick.choice((90.0, 72.0, 60.0, 50.0)),
-        "wedge": pick.length(12.0, 16.0),
+        "bore": pick.length(10.0, 15.0),
+        "lean": pick.choice((90.0, 75.0, 68.0, 60.0)),
+        "wedge": pick.length(12.0, 15.0),
         "stem": pick.length(6.0, 8.0),
         "head": head,
         "fit": pick.choice(("H9/d9", "H8/f7", "exact")),
-        "bolts": pick.count(2, 4),
-        "phase": pick.length(0.0, 60.0, 1.0),
+        "screws": pick.some((20.0, 65.0, 115.0, 160.0, 200.0, 245.0, 295.0, 340.0), pick.count(1, 3)),
         "packings": pick.count(0, 3),
         "gland": pick.choice(("bolted", "loose")),
         "wheel": "pin" if head == "plain" else pick.choice(("pin", "clip")),
@@ -47,13 +49,13 @@ def build(params: Mapping[str, Any]) -> Product:
     """Return the valve: the stem along z, the middle of the pipe at the origin."""
     product, bore, w = Product(), params["bore"], params["wedge"]
     width = bore + 8.0
-    barrel = math.hypot(width, w) + 12.0
+    barrel = math.hypot(width, w) + 10.0
     lean = math.radians(params["lean"])
-    rim, pipe = barrel + 36.0, bore + 18.0
+    pipe = bore + 18.0
     floor = -bore / 2.0 - 3.0
     reach = (barrel / 2.0 + 14.0) / math.sin(lean)
-    top = reach * math.cos(lean) + pipe / 2.0 * math.sin(lean) + 12.0
-    body = kit.cylinder(barrel, floor - 7.0, top) + kit.cylinder(rim, top - 10.0, top, segments=32)
+    top = reach * math.cos(lean) + pipe / 2.0 * math.sin(lean) + 4.0 + _SKIRT
+    body = kit.cylinder(barrel, floor - 7.0, top)
     sides = [(s * math.sin(lean), 0.0, s * math.cos(lean)) for s in (1.0, -1.0)]
     for side in sides:
         body += kit.place(kit.cylinder(pipe, 0.0, reach), (0.0, 0.0, 0.0), side)
@@ -70,7 +72,7 @@ def build(params: Mapping[str, Any]) -> Product:
             _add_seat(product, params, seat, tuple(reach * v for v in side), side)
     peak = top + 14.0
     _add_stem(product, params, floor, peak)
-    _add_bonnet(product, params, (barrel, rim, top, peak))
+    _add_bonnet(product, params, (barrel, top, peak))
     return product
 
 
@@ -111,42 +113,54 @@ def _length(params: Mapping[str, Any], peak: float) -> float:
     return peak + 1.0 + 9.0 + 5.0 * params["packings"] + 5.0 + 14.0 + 16.0 + 6.0
 
 
-def _add_bonnet(product: Product, params: Mapping[str, Any], where: tuple[float, float, float, float]) -> None:
+def _add_bonnet(product: Product, params: Mapping[str, Any], where: tuple[float, float, float]) -> None:
     """Add the bonnet over the wedge's end, and what is on the stem above it."""
-    (barrel, rim, top, peak), ds, rings = where, params["stem"], params["packings"]
-    gap, roof, neck = clearance(ds, params["fit"]), peak + 1.0, ds + 32.0
+    (barrel, top, peak), ds, rings = where, params["stem"], params["packings"]
+    gap, roof = clearance(ds, params["fit"]), peak + 1.0
     box_floor = roof + 9.0
     box_top = box_floor + 5.0 * rings + 5.0
     w, width = params["wedge"] + 0.4, params["bore"] + 8.4
-    bonnet = kit.cylinder(rim, top, top + 9.0, segments=32) + kit.cylinder(barrel, top, box_floor)
-    bonnet += kit.cylinder(neck, box_floor - 5.0, box_top)
+    bonnet = kit.cylinder(barrel + 12.0, top - _SKIRT, box_floor) - kit.cylinder(barrel, 0.0, top)
+    neck = kit.cylinder(ds + 18.0, box_floor - 5.0, box_top)
+    bonnet += _oval(ds, box_floor - 5.0, box_top) if params["gland"] == "bolted" else neck
     bonnet -= kit.box((-w / 2.0, -width / 2.0, top - 1.0), (w / 2.0, width / 2.0, roof))
     bonnet -= kit.cylinder(ds + gap, top, box_top + 1.0)
     bonnet -= kit.cylinder(ds + 10.0, box_floor, box_top + 1.0)
     name = product.add("bonnet", bonnet)
-    for x, y in kit.on_circle(params["bolts"], barrel + 17.0, phase=params["phase"]):
-        product.cut(["body", name], kit.bolt_room(8.0, 16.0, clearance=0.2).translate((x, y, top + 9.0)))
-        product.add("bolt", kit.bolt(8.0, 16.0).translate((x, y, top + 9.0)))
+    for angle in params["screws"]:
+        axis, at = (math.cos(math.radians(angle)), math.sin(math.radians(angle)), 0.0), (0.0, 0.0, top - _SKIRT / 2.0)
+        tool = kit.cylinder(7.0, barrel / 2.0 - 4.0, barrel, segments=16)
+        product.cut(["body", name], kit.place(tool, at, axis))
+        screw = kit.cylinder(7.0, barrel / 2.0 - 4.0, barrel / 2.0 + 10.0, segments=16)
+        product.add("screw", kit.place(screw, at, axis))
     for k in range(rings):
         low = box_floor + 5.0 * k
         product.add("packing", kit.tube(ds + 10.0 - gap, ds + gap, low, low + 5.0))
-    gland = kit.tube(neck, ds + gap, box_top, box_top + 8.0) + kit.tube(
-        ds + 10.0 - gap, ds + gap, box_top - 5.0, box_top
-    )
+    gland = _oval(ds, box_top, box_top + 8.0) + kit.cylinder(ds + 10.0 - gap, box_top - 5.0, box_top + 1.0)
+    gland -= kit.cylinder(ds + gap, 0.0, box_top + 9.0)
     gland_name = product.add("gland", gland)
     if params["gland"] == "bolted":
-        for x, y in kit.on_circle(2, ds + 21.0, phase=params["phase"] + 40.0):
-            tool = kit.bolt(5.0, 13.0, head="none", shank=5.1).translate((x, y, box_top + 8.0))
+        for x in (ds / 2.0 + 11.0, -ds / 2.0 - 11.0):
             product.cut(
-                [gland_name, name], tool + kit.cylinder(5.1, 0.0, 1.0, segments=12).translate((x, y, box_top + 8.0))
+                [gland_name, name], kit.cylinder(6.1, box_top - 5.0, 999.0, segments=12).translate((x, 0.0, 0.0))
             )
-            product.add("gland_bolt", kit.bolt(5.0, 13.0).translate((x, y, box_top + 8.0)))
+            product.add("gland_bolt", kit.bolt(6.0, 13.0).translate((x, 0.0, box_top + 8.0)))
     _add_wheel(product, params, _length(params, peak))
+
+
+def _oval(ds: float, z0: float, z1: float) -> Manifold:
+    """Return an oval plate for a gland with two bolts."""
+    lobe, x = kit.cylinder(14.0, z0, z1, segments=16), ds / 2.0 + 11.0
+    return Manifold.batch_hull(
+        [lobe.translate((x, 0.0, 0.0)), lobe.translate((-x, 0.0, 0.0)), kit.cylinder(ds + 18.0, z0, z1)]
+    )
 
 
 def _add_wheel(product: Product, params: Mapping[str, Any], end: float) -> None:
     """Add the handwheel on the stem's thinner end, and what holds it."""
     ds, angle, radius = params["stem"] - 2.0, params["wheel_angle"], 0.4 * params["bore"] + 11.0
+    if params["gland"] == "bolted":
+        radius = ds / 2.0 + 6.0
     low = end - 16.0
     wheel = kit.cylinder(2.0 * radius, low, low + 10.0)
     for x, y in kit.on_circle(params["lobes"], 2.3 * radius, phase=angle):

@@ -20,7 +20,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
     count = pick.count(2, 5)
     step = 360.0 / count
     return {
-        "tail": pick.length(9.0, 12.0),
+        "tail": pick.length(11.0, 14.0),
         "fit": pick.choice(("H9/d9", "H8/f7", "exact")),
         "ports": [
             {
@@ -42,7 +42,7 @@ def build(params: Mapping[str, Any]) -> Product:
     """Return the manifold in the plane z = 0 and what is in its ports."""
     product, tail = Product(), params["tail"]
     count = len(params["ports"])
-    thick, reach = tail + 15.0, max(0.62 * (tail + 16.0) / math.tan(0.68 * math.pi / count), 6.0) + 22.0
+    thick, reach = tail + 12.0, max(0.62 * (tail + 16.0) / math.tan(0.68 * math.pi / count), 6.0) + 22.0
     block = [kit.cylinder(2.0 * (reach - 22.0) + 6.0, -thick / 2.0, thick / 2.0)]
     for port in params["ports"]:
         arm = kit.box((0.0, -tail / 2.0 - 8.0, -thick / 2.0), (reach, tail / 2.0 + 8.0, thick / 2.0))
@@ -69,14 +69,14 @@ def _add_port(product: Product, params: Mapping[str, Any], port: Mapping[str, An
     product.cut(["manifold"], at(bore))
     if seal:
         product.add("seal", at(kit.tube(tail - gap, 0.5 * tail, -depth, seal - depth)))
-    through = kit.cylinder(0.5 * tail, -depth - 1.0, 0.0 if port["hose"] == "cap" else 99.0)
+    through = kit.cylinder(0.25 * tail, -depth - 1.0, 0.0 if port["hose"] == "cap" else 99.0)
     if port["held"] == "pin":
-        solid -= kit.tube(tail + 4.0, tail - 3.6, -11.0, -6.0)
+        solid -= kit.tube(tail + 4.0, tail - 6.0, -11.0, -6.0)
     name = product.add("tail", at(solid - through))
     sign = -1.0 if port["below"] else 1.0
     if port["held"] in ("pin", "cross"):
         # across the groove, or right through tail and manifold
-        side = tail / 2.0 + 0.7 if port["held"] == "pin" else 0.0
+        side = tail / 2.0 - 0.3 if port["held"] == "pin" else 0.0
         size = 5.0 if port["held"] == "pin" else 4.0
         base = (end[0] - 8.5 * axis[0] - side * axis[1], end[1] - 8.5 * axis[1] + side * axis[0], 0.0)
         hole = kit.cylinder(size, -thick / 2.0 + 3.0, thick / 2.0 + 1.0, segments=16)
@@ -86,6 +86,17 @@ def _add_port(product: Product, params: Mapping[str, Any], port: Mapping[str, An
         if port["held"] == "cross":
             product.cut([name], kit.place(hole, base, (0.0, 0.0, sign)))
         product.add("pin", kit.place(pin, base, (0.0, 0.0, sign)))
+    _add_end(product, params, port, (name, end, axis))
+
+
+def _add_end(product: Product, params: Mapping[str, Any], port: Mapping[str, Any], where: Any) -> None:
+    """Add what is on a tail outside: nut, and hose with clamp, or cap with set screw."""
+    (name, end, axis), tail = where, params["tail"]
+    gap = clearance(tail, params["fit"])
+
+    def at(solid: Manifold) -> Manifold:
+        return kit.place(solid, end, axis)
+
     z = 4.0
     if port["nut"]:
         product.add("nut", at(kit.hexagon(tail + 8.0, z, z + 7.0) - kit.cylinder(tail + gap, 0.0, 99.0)))

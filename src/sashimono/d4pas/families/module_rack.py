@@ -12,7 +12,7 @@ from sashimono.d4pas import kit
 from sashimono.d4pas.fits import clearance
 from sashimono.d4pas.product import Family, Product
 
-SIDE, TONGUE, BOARD = 9.0, 4.0, 9.0
+SIDE, TONGUE, BOARD = 12.0, 6.0, 12.0
 """Thickness of the sides, height and depth of the tongues, thickness of top and base [mm]."""
 
 
@@ -20,12 +20,12 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
     """Return the parameters of one rack."""
     pick = kit.Draw(rng)
     columns = pick.choice((1, 2), (2, 1))
-    rows = pick.count(3, 7) if columns == 1 else pick.count(2, 5)
+    rows = pick.count(3, 6) if columns == 1 else pick.count(2, 4)
     return {
         "columns": columns,
-        "width": pick.length(60.0, 110.0),
-        "depth": pick.length(60.0, 110.0),
-        "module": pick.length(11.0, 20.0),
+        "width": pick.length(54.0, 80.0),
+        "depth": pick.length(44.0, 64.0),
+        "module": pick.length(13.0, 18.0),
         "incline": pick.choice((0.0, 12.0, 20.0, 28.0), (1, 2, 2, 2)),
         "down": pick.chance(0.5),
         "bays": [
@@ -40,10 +40,8 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "hooks": pick.chance(0.5),
         "stopped": pick.chance(0.4),
         "rods": pick.some((0, 1), pick.count(0, 2)),
-        "bar": pick.chance(0.5),
         "back": pick.chance(0.6),
-        "back_screws": pick.count(2, 4),
-        "frame_tilt": pick.choice((0.0, 15.0, 25.0)),
+        "back_tilt": pick.choice((0.0, 15.0, 25.0)),
         "fit": pick.choice(("H11/c11", "H9/d9", "H8/f7", "exact")),
     }
 
@@ -60,23 +58,11 @@ def build(params: Mapping[str, Any]) -> Product:
     height = 2.0 * margin + (rows - 1) * pitch
     span = params["columns"] * wide + (params["columns"] - 1) * SIDE
     half = span / 2.0 + SIDE
-    base = product.add("base", kit.box((-half, -front, -BOARD), (half, deep / 2.0, 0.0)))
-    top = product.add("top", kit.box((-half, -front, height), (half, deep / 2.0, height + BOARD)))
-    walls = []
-    for k in range(params["columns"] + 1):
-        x = -half + k * (wide + SIDE)
-        inner = 0 < k < params["columns"]
-        solid = kit.box((x, -deep / 2.0, 0.0), (x + SIDE, deep / 2.0, height))
-        walls.append(product.add("divider" if inner else "side", solid))
-        lean, tight = math.radians(params["frame_tilt"]), clearance(3.0, params["fit"])
-        for sign, board in ((1, top), (-1, base)):
-            level = height + BOARD - 4.0 if sign > 0 else 4.0 - BOARD
-            axis = (0.0, sign * math.sin(lean), sign * math.cos(lean))
-            if inner:
-                size, origin = clearance(5.0, params["fit"]), (x + SIDE / 2.0, 0.0, level)
-                kit.peg(product, [board, walls[k]], 5.0, 14.0, origin, axis, clearance=size, reach=15.0, part="dowel")
-            else:
-                kit.fasten(product, [board, walls[k]], 3.0, 16.0, (x + SIDE / 2.0, 0.0, level), axis, clearance=tight)
+    frame = kit.box((-half, -deep / 2.0, -BOARD), (half, deep / 2.0, height + BOARD))
+    for k in range(params["columns"]):
+        x = -half + SIDE + k * (wide + SIDE)
+        frame -= kit.box((x, -deep, 0.0), (x + wide, deep, height))
+    product.add("frame", frame)
     modules: list[list[str]] = []
     for column in range(params["columns"]):
         modules.append([])
@@ -85,13 +71,13 @@ def build(params: Mapping[str, Any]) -> Product:
             bay = params["bays"][column * rows + row]
             if bay["full"] or row == 0:
                 place = (x, 0.0, margin + row * pitch)
-                modules[column].append(_module(product, params, bay, place, walls[column : column + 2], reach))
-    _locks(product, params, modules, (half, front, height))
+                modules[column].append(_module(product, params, bay, place, 2 * column - 1, reach))
+    _locks(product, params, modules, (half, height))
     return kit.tidy(product)
 
 
 def _module(
-    product: Product, params: Mapping[str, Any], bay: Mapping[str, Any], place: kit.Vector, walls: list[str],
+    product: Product, params: Mapping[str, Any], bay: Mapping[str, Any], place: kit.Vector, outer: int,
     reach: float,
 ) -> str:  # fmt: skip
     """Add one module in its guides, and its latch pin through the outer wall."""
@@ -122,22 +108,20 @@ def _module(
     t += gap / 2.0
     end = rear + gap if params["stopped"] else 2.0 * deep
     groove = kit.box((-wide - TONGUE, -2.0 * deep, -t), (wide + TONGUE, end, t))
-    product.cut(walls, put(groove))
+    product.cut(["frame"], put(groove))
     name = product.add("module", put(body))
     if bay["latch"]:
-        sign, outer = (-1, walls[0]) if walls[0] == "side" else (1, walls[1])
-        skew, tight = math.radians(bay["skew"]), clearance(3.0, fit)
+        sign = outer
+        skew, tight = math.radians(bay["skew"]), clearance(6.0, fit)
         axis = (sign * math.cos(skew), math.sin(skew), 0.0)
         origin = (place[0] + sign * (wide + SIDE), 0.0, place[2])
-        kit.peg(product, [outer, name], 3.0, SIDE + 9.0, origin, axis, clearance=tight, reach=8.0, part="latch")
+        kit.peg(product, ["frame", name], 6.0, SIDE + 11.0, origin, axis, clearance=tight, reach=8.0, part="latch")
     return name
 
 
-def _locks(
-    product: Product, params: Mapping[str, Any], modules: list[list[str]], sizes: tuple[float, float, float]
-) -> None:
-    """Add what holds many modules at once: headed rods down through a column, a front bar, a back panel."""
-    (half, front, height), wide, deep = sizes, params["width"], params["depth"]
+def _locks(product: Product, params: Mapping[str, Any], modules: list[list[str]], sizes: tuple[float, float]) -> None:
+    """Add what holds many modules at once: headed rods down through a column, a back panel pinned above and below."""
+    (half, height), wide, deep = sizes, params["width"], params["depth"]
     tight = clearance(4.0, params["fit"])
     for k in params["rods"]:
         column = k % params["columns"]
@@ -145,7 +129,7 @@ def _locks(
         origin = (x, 0.2 * deep * (-1) ** k, height + BOARD)
         rod = kit.peg(
             product,
-            ["top", "base", *modules[column]],
+            ["frame", *modules[column]],
             5.0,
             height + 2.0 * BOARD - 4.0,
             origin,
@@ -154,18 +138,27 @@ def _locks(
             part="rod",
         )
         product.join(rod, kit.cylinder(11.0, 0.0, 4.0).translate(origin))
-    tight = clearance(3.0, params["fit"])
-    if params["bar"]:
-        bar = product.add("bar", kit.box((-7.0, -front - 6.0, -BOARD), (7.0, -front, height + BOARD)))
-        for name, level in (("base", -BOARD / 2.0), ("top", height + BOARD / 2.0)):
-            kit.fasten(product, [bar, name], 3.0, 15.0, (0.0, -front - 4.0, level), (0, -1, 0), clearance=tight)
     if params["back"]:
-        back = product.add("back", kit.box((-half, deep / 2.0, 0.0), (half, deep / 2.0 + 5.0, height)))
-        places = ((1, 0.1), (-1, 0.9), (1, 0.9), (-1, 0.1))
-        for sign, share in places[: params["back_screws"]]:
-            origin = (sign * (half - 2.6), deep / 2.0 + 5.0, share * height)
-            name = "side_2" if sign > 0 else "side"
-            kit.fasten(product, [back, name], 2.5, 13.0, origin, (0, 1, 0), clearance=tight, head="none")
+        tight = clearance(6.0, params["fit"])
+        back = product.add("back", kit.box((-half, deep / 2.0, -BOARD), (half, deep / 2.0 + 6.0, height + BOARD)))
+        for sign in (1, -1):
+            tail = kit.box((-half / 3, deep / 2 - 12, -BOARD - 8), (half / 3, deep / 2 + 6, -BOARD))
+            if sign > 0:
+                tail = tail.translate((0.0, 0.0, height + 2.0 * BOARD + 8.0))
+            product.join(back, tail)
+            level = -BOARD - 8.0 if sign < 0 else height + BOARD + 8.0
+            lean = math.radians(params["back_tilt"])
+            axis = (math.sin(lean), 0.0, sign * math.cos(lean))
+            kit.peg(
+                product,
+                [back, "frame"],
+                6.0,
+                13.0 + 2.0,
+                (0.0, deep / 2.0 - 6.0, level),
+                axis,
+                clearance=tight,
+                reach=9.0,
+            )
 
 
 FAMILY = Family(

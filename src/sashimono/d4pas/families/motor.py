@@ -27,7 +27,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "wall": pick.length(13.0, 17.0),
         "bearing": pick.length(6.0, 9.0),
         "closed": pick.chance(0.4),
-        "bolts": pick.count(2, 3),
+        "bolts": pick.choice((2, 3), (0.7, 0.3)),
         "size": pick.choice((5.0, 6.0, 8.0)),
         "phase": pick.length(0.0, 90.0, 1.0),
         "fit": pick.choice(("H8/f7", "H7/g6", "H7/h6", "exact")),
@@ -65,8 +65,8 @@ def build(params: Mapping[str, Any]) -> Product:
         middle=middle,
         bore=bore,
         body=bore + 2.0 * params["wall"],
-        low=-half - 6.0 - params["bearing"],
-        high=half + (20.0 if "brush" in params["extras"] else 7.0),
+        low=-half - 11.0 - params["bearing"],
+        high=half + (22.0 if "brush" in params["extras"] else 9.0),
         past=6.5 + params["size"],
     )
     _rotor(product, params, s)
@@ -107,30 +107,31 @@ def _rotor(product: Product, params: Mapping[str, Any], s: Sizes) -> None:
     nose = s.high + width + s.past + 20.0
     foot, head = s.low + width, s.high - 1.0
     j, m = s.journal / 2.0, s.middle / 2.0
-    outline = [(0.0, tail), (j, tail), (j, foot), (m + 3.0, foot), (m + 3.0, -half), (m, -half), (m, head)]
-    shaft = kit.revolve([*outline, (j, head), (j, nose), (0.0, nose)])
+    below = [(0.0, tail), (j, tail), (j, foot), (m + 3.0, foot), (m + 3.0, -half - 4.0), (m + 9.0, -half - 4.0)]
+    above = [(m + 9.0, -half), (m, -half), (m, head), (j, head), (j, nose), (0.0, nose)]
+    shaft = kit.revolve(below + above)
     core = kit.cylinder(s.bore - 1.0, -half, half, segments=32)
     if "brush" in params["extras"]:
         core += kit.cylinder(s.middle + 14.0, half, half + 14.0)
         core -= kit.tube(s.middle + 20.0, s.middle + 7.0, half + 4.0, half + 10.0)
     product.add("shaft", shaft)
     product.add("rotor", core - kit.cylinder(s.middle, -half - 1.0, half + 20.0))
-    product.add("bearing", kit.tube(s.middle + 16.0, s.journal, s.low, foot))
-    product.add("bearing", kit.tube(s.middle + 16.0, s.journal, head, head + width))
+    product.add("bearing", kit.tube(s.middle + 20.0, s.journal, s.low, foot))
+    product.add("bearing", kit.tube(s.middle + 20.0, s.journal, head, head + width))
 
 
 def _body(product: Product, params: Mapping[str, Any], s: Sizes) -> None:
     """Add the body, the bell on it, and a cover over either bearing under bolts."""
     width, size = params["bearing"], params["size"]
     body = kit.cylinder(s.body, s.low, s.high, segments=48)
-    lip = kit.cylinder(s.middle + 8.0, s.low - 1.0, s.high + width)
-    body -= kit.cylinder(s.bore, -params["half"] - 2.0, s.high + 1.0, segments=32)
-    product.add("body", body - lip - kit.cylinder(s.middle + 16.0, s.low - 1.0, s.low + width))
+    lip = kit.cylinder(s.middle + 6.4, s.low - 1.0, s.high + width)
+    body -= kit.cylinder(s.bore, -params["half"] - 4.5, s.high + 1.0, segments=32)
+    product.add("body", body - lip - kit.cylinder(s.middle + 20.0, s.low - 1.0, s.low + width))
     top = s.high + width - 1.0
     bell = kit.cylinder(s.body, s.high, top, segments=48) + kit.cylinder(
-        s.bore, s.high - 5.0, s.high + 1.0, segments=32
+        s.bore, s.high - 7.0, s.high + 1.0, segments=32
     )
-    product.add("bell", bell - lip - kit.cylinder(s.middle + 16.0, s.high - 1.0, top + 1.0))
+    product.add("bell", bell - lip - kit.cylinder(s.middle + 20.0, s.high - 1.0, top + 1.0))
     gap = clearance(size, params["fit"])
     spread = kit.on_circle(3, s.body - params["wall"], phase=params["phase"])[: params["bolts"]]
     for axis, face, names in ((1.0, top, ("body", "bell")), (-1.0, s.low, ("body",))):
@@ -165,19 +166,19 @@ def _on_shaft(product: Product, params: Mapping[str, Any], name: str, solid: Man
     """Add a wheel whose hub a radial grub screw holds on the shaft."""
     radius = params["journal"] / 2.0
     angle = _angle(params, index) + params["tilt"]
-    room = _radial(kit.cylinder(5.06, radius - 2.5, radius + 20.0, segments=12), 0.0, angle, z)
+    room = _radial(kit.cylinder(6.06, 0.2 * radius, radius + 20.0, segments=12), 0.0, angle, z)
     product.add(name, solid)
     product.cut((name, "shaft"), room)
-    product.add("grub", _radial(kit.cylinder(5.0, radius - 2.5, radius + 7.0, segments=12), 0.0, angle, z))
+    product.add("grub", _radial(kit.cylinder(6.0, 0.2 * radius, radius + 7.0, segments=12), 0.0, angle, z))
 
 
 def _box(product: Product, params: Mapping[str, Any], s: Sizes) -> None:
     """Add the terminal box: its dovetail slides along the body from below, where a cover shuts it in."""
     r, top = s.body / 2.0, 0.6 * s.high
-    section = [(r - 6.0, -8.0), (r + 0.5, -5.0), (r + 0.5, 5.0), (r - 6.0, 8.0)]
+    section = [(r - 8.0, -10.0), (r + 0.5, -5.0), (r + 0.5, 5.0), (r - 8.0, 10.0)]
     room = kit.prism(section, s.low - 5.0, top).rotate((0.0, 0.0, _angle(params, 2)))
     box = kit.prism(section, s.low, top) + kit.box((r + 0.4, -12.0, s.low + 4.0), (r + 14.0, 12.0, top + 6.0))
-    box -= kit.box((r + 3.0, -9.0, s.low + 7.0), (r + 20.0, 9.0, top + 3.0))
+    box -= kit.box((r + 6.0, -7.0, s.low + 9.0), (r + 20.0, 7.0, top + 1.0))
     product.cut(("body",), room)
     product.add("box", box.rotate((0.0, 0.0, _angle(params, 2))))
 

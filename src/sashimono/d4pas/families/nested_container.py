@@ -14,28 +14,34 @@ from sashimono.d4pas.fits import clearance
 from sashimono.d4pas.product import Family, Product
 
 Pieces = list[tuple[str, Manifold]]
-WALL, RIM = 7.0, 8.0
+WALL, RIM = 10.0, 20.0
 """Walls, and how far they rise above the contents to hold the lid [mm]."""
 
 
 def draw(rng: np.random.Generator) -> dict[str, Any]:
     """Return the parameters of one nest of boxes."""
     pick = kit.Draw(rng)
-    return {"root": _draw_box(pick, pick.count(2, 4)), "fit": pick.choice(("H11/c11", "H9/d9", "H8/f7", "exact"))}
+    return {
+        "root": _draw_box(pick, pick.choice((1, 2, 3), (1, 6, 1))),
+        "fit": pick.choice(("H11/c11", "H9/d9", "H8/f7", "exact")),
+    }
 
 
 def _draw_box(pick: kit.Draw, depth: int) -> dict[str, Any]:
-    cells = pick.count(1, 2) if depth < 4 else 1
-    lid = pick.choice(("plug", "slide", "cap", "none"), (3, 3, 3, 0.5))
+    cells = pick.count(1, 2) if depth < 3 else 1
+    lid = pick.choice(("plug", "slide", "cap", "none"), (3, 3, 3, 0.3))
     return {
-        "cells": [_draw_box(pick, depth - 1) if depth > 1 and k == 0 else _draw_item(pick) for k in range(cells)],
-        "tube": cells == 1 and lid != "none" and pick.chance(0.3),
+        "cells": [
+            _draw_box(pick, depth - 1) if depth > 1 and (k == 0 or pick.chance(0.5)) else _draw_item(pick)
+            for k in range(cells)
+        ],
+        "tube": cells == 1 and lid != "none" and pick.chance(0.2),
         "round": pick.chance(0.3),
         "turn": pick.choice((0.0, 17.0, 30.0, 45.0), (2, 1, 1, 1)),
         "lid": lid,
         "pins": [
-            {"side": side, "skew": pick.choice((-25.0, 0.0, 17.0, 30.0))}
-            for side in pick.some((0, 90, 180, 270), pick.count(0, 2))
+            {"side": side, "skew": pick.choice((-25.0, 0.0, 17.0, 25.0))}
+            for side in pick.choice(((0,), (90,), (0, 180), (90, 270), (0, 180)), (3, 3, 2, 2, 2))
         ],
         "face": pick.count(0, 5),
     }
@@ -43,12 +49,10 @@ def _draw_box(pick: kit.Draw, depth: int) -> dict[str, Any]:
 
 def _draw_item(pick: kit.Draw) -> dict[str, Any]:
     return {
-        "item": pick.choice(("block", "rod", "tower")),
-        "width": pick.length(18.0, 32.0),
-        "depth": pick.length(18.0, 26.0),
-        "height": pick.length(16.0, 30.0),
-        "rings": pick.count(1, 3),
-        "pin": pick.chance(0.6),
+        "item": pick.choice(("block", "rod")),
+        "width": pick.length(14.0, 22.0),
+        "depth": pick.length(14.0, 20.0),
+        "height": pick.length(14.0, 24.0),
     }
 
 
@@ -60,23 +64,13 @@ def build(params: Mapping[str, Any]) -> Product:
     return kit.tidy(product)
 
 
-def _item(node: Mapping[str, Any], fit: str) -> tuple[Pieces, tuple[float, float, float]]:
-    """Return a block, a rod or a tower of rings, and its size; it stands on z = 0 about the z axis."""
+def _item(node: Mapping[str, Any]) -> tuple[Pieces, tuple[float, float, float]]:
+    """Return a block or a rod, and its size; it stands on z = 0 about the z axis."""
     width, height = node["width"], node["height"]
     if node["item"] == "block":
         solid = kit.plate(width, node["depth"], 0.0, height, radius=3.0)
         return [("block", solid)], (width, node["depth"], height)
-    if node["item"] == "rod":
-        return [("rod", kit.cylinder(width, 0.0, height))], (width, width, height)
-    gap, thick = clearance(9.0, fit), height / 4.0
-    top = 3.0 + node["rings"] * thick
-    post = kit.cylinder(width, 0.0, 3.0) + kit.cylinder(9.0, 0.0, top + 7.0)
-    rings = [("ring", kit.tube(width, 9.0 + gap, 3.0 + k * thick, 3.0 + (k + 1) * thick)) for k in range(node["rings"])]
-    pieces = [("post", post), *rings]
-    if node["pin"]:
-        pin = kit.place(kit.cylinder(3.0, -8.0, 8.0, segments=12), (0.0, 0.0, top + 2.0), (1.0, 1.0, 0.0))
-        pieces = [("post", post - pin), *rings, ("pin", pin)]
-    return pieces, (width, width, top + 7.0)
+    return [("rod", kit.cylinder(width, 0.0, height))], (width, width, height)
 
 
 def _turned(pieces: Pieces, size: tuple[float, float, float], face: int) -> tuple[Pieces, tuple[float, float, float]]:
@@ -93,7 +87,7 @@ def _box(node: Mapping[str, Any], fit: str) -> tuple[Pieces, tuple[float, float,
     """Return a container with all in it, and its size; it opens upwards."""
     cells = []
     for cell in node["cells"]:
-        pieces, size = _item(cell, fit) if "item" in cell else _box(cell, fit)
+        pieces, size = _item(cell) if "item" in cell else _box(cell, fit)
         cells.append(_turned(pieces, size, cell["face"]) if "face" in cell else (pieces, size))
     a = sum(size[0] for _, size in cells) + WALL * (len(cells) - 1)
     b, c = max(size[1] for _, size in cells), max(size[2] for _, size in cells)
@@ -138,7 +132,7 @@ def _lid(
     """Put the lid and its pins on a box, which comes first among the pieces; all ends flush with its outside."""
     a, b, c, gap = inner
     low, high = shape.bounding_box()[:3], shape.bounding_box()[3:]
-    turn, kind, tight = node["turn"], node["lid"], clearance(3.0, fit)
+    turn, kind, tight = node["turn"], node["lid"], clearance(6.0, fit)
     above = kit.box((low[0] - 1, low[1] - 1, c), (high[0] + 1, high[1] + 1, c + RIM + 1))
     slot = None
     if kind == "cap":
@@ -147,7 +141,8 @@ def _lid(
         hole = shape.scale([1.0 - (WALL - gap) / (e - f) for e, f in zip(high[:2], low[:2], strict=True)] + [1.0])
         hole = hole.trim_by_plane((0.0, 0.0, -1.0), -(c + RIM - 3.0))
         well = kit.box((-a / 2, -b / 2, c), (a / 2, b / 2, c + RIM)).rotate((0.0, 0.0, turn))
-        box, lid = (own[0][1] - above) + ((rim ^ above) - well), (shape ^ above) - hole
+        plug = kit.box((0.1 - a / 2, 0.1 - b / 2, c), (a / 2 - 0.1, b / 2 - 0.1, c + RIM)).rotate((0.0, 0.0, turn))
+        box, lid = (own[0][1] - above) + ((rim ^ above) - well), ((shape ^ above) - hole) + plug
     else:
         ledge, tail = 2.0, 100.0 if kind == "slide" else 0.0
         slot, plug = (
@@ -163,28 +158,17 @@ def _lid(
             )
             slot, plug = slot + room, plug + wings
         box, lid = own[0][1] - slot.rotate((0.0, 0.0, turn)), plug.rotate((0.0, 0.0, turn)) ^ shape
-    for pin in node["pins"][: 1 if kind == "slide" else 2]:
-        if kind == "slide":
-            place = np.array((0.0, b / 2 + 0.5 * WALL))
-            angle = math.radians(turn)
-            x = place[0] * math.cos(angle) - place[1] * math.sin(angle)
-            y = place[0] * math.sin(angle) + place[1] * math.cos(angle)
-            lean = math.radians(pin["skew"])
-            axis = (math.sin(lean) * math.cos(angle), math.sin(lean) * math.sin(angle), math.cos(lean))
-            rod = kit.cylinder(3.0, -8.0, 60.0, segments=12), kit.cylinder(3.0 + tight, -8.0, 60.0, segments=12)
-            stick, hole = (kit.place(s, (x, y, c), axis) for s in rod)
-        else:
-            angle = math.radians(pin["side"] + pin["skew"])
-            axis, start = (math.cos(angle), math.sin(angle), 0.0), 0.3 * min(a, b)
-            if kind == "cap":
-                start = 0.0
-            rod = kit.cylinder(3.0, start, 200.0, segments=12), kit.cylinder(3.0 + tight, start, 300.0, segments=12)
-            stick, hole = (kit.place(s, (0.0, 0.0, c + 3.0), axis) for s in rod)
+    for pin in node["pins"]:
+        side = turn + 180.0 * (pin["side"] >= 180) if kind == "slide" else pin["side"]
+        angle = math.radians(side + pin["skew"])
+        axis, start = (math.cos(angle), math.sin(angle), 0.0), 0.0 if kind == "cap" else 0.3 * min(a, b)
+        rod = kit.cylinder(6.0, start, 200.0, segments=12), kit.cylinder(6.0 + tight, start, 300.0, segments=12)
+        stick, hole = (kit.place(s, (0.0, 0.0, c + (8.5 if kind == "cap" else 12.0)), axis) for s in rod)
         stick = stick ^ shape
         if kind == "cap":
-            stick -= kit.box((-a / 2 - 0.5, -b / 2 - 0.5, c - 1), (a / 2 + 0.5, b / 2 + 0.5, c + RIM)).rotate(
-                (0, 0, turn)
-            )
+            core = kit.box((-a / 2 - 0.5, -b / 2 - 0.5, c - 1), (a / 2 + 0.5, b / 2 + 0.5, c + RIM))
+            core = core.rotate((0.0, 0.0, turn))
+            stick, hole = stick - core, hole - core
         box, lid = box - hole, lid - hole
         own.append(("pin", stick))
     own[0] = ("box", box)

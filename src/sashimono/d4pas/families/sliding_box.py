@@ -64,7 +64,7 @@ def build(params: Mapping[str, Any]) -> Product:
         product.add("rod", rod)
     _contents(product, params, z, top)
     _lid(product, params, top)
-    return product
+    return kit.tidy(product)
 
 
 def _drawer(product: Product, params: Mapping[str, Any], level: float, drawer: Mapping[str, Any]) -> None:

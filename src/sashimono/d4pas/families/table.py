@@ -1,4 +1,4 @@
-"""Tables: aprons dropped into the legs' open slots, corner blocks screwed at 45 degrees, a top, perhaps a drawer."""
+"""Tables: splayed legs in a frame's oblique sockets, corner pins, stretchers, a top on pinned lugs, a drawer."""
 
 from __future__ import annotations
 
@@ -7,161 +7,149 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from manifold3d import Manifold
 
 from sashimono.d4pas import kit
 from sashimono.d4pas.fits import clearance
 from sashimono.d4pas.product import Family, Product
 
 CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+RAIL, PIN = 11.0, 7.0
+"""Thickness of the frame's rails, and its pins [mm]."""
 
 
 def draw(rng: np.random.Generator) -> dict[str, Any]:
     """Return the parameters of one table."""
     pick = kit.Draw(rng)
-    blocks = pick.some(range(4), pick.count(1, 4))
     return {
-        "length": pick.length(230.0, 380.0),
-        "width": pick.length(200.0, 280.0),
-        "height": pick.length(120.0, 260.0),
-        "top": pick.length(12.0, 20.0),
-        "radius": pick.choice((0.0, 10.0, 25.0)),
-        "leg": pick.length(27.0, 34.0),
-        "apron": pick.length(8.0, 10.0),
-        "depth": pick.length(38.0, 46.0),
-        "slope": pick.choice((0.0, 0.04, 0.08)),
-        "blocks": [
-            {
-                "corner": k,
-                "ears": pick.some(range(2), pick.count(0, 2)),
-                "lag": pick.chance(0.8),
-                "up": pick.chance(0.6),
-            }
-            for k in blocks
-        ],
-        "dowels": pick.some(range(2), pick.count(0, 2)),
-        "drawer": pick.chance(0.6),
+        "length": pick.length(130.0, 170.0),
+        "width": pick.length(124.0, 145.0),
+        "depth": pick.length(30.0, 36.0),
+        "height": pick.length(60.0, 100.0),
+        "top": pick.length(10.0, 16.0),
+        "radius": pick.choice((0.0, 8.0, 20.0)),
+        "leg": pick.length(20.0, 24.0),
+        "splay": pick.choice((0.0, 14.0, 18.0), (1, 3, 3)),
+        "legs": [{"pin": pick.chance(0.7), "shoulder": pick.chance(0.4)} for _ in range(4)],
+        "dip": pick.choice((0.0, 15.0, 25.0)),
+        "lugs": pick.count(2, 3),
+        "lug_pins": pick.count(1, 2),
+        "skew": pick.choice((0.0, 17.0, 30.0)),
+        "ties": [{"flip": pick.chance(0.5), "pin": pick.chance(0.6)} for _ in range(pick.count(0, 2))],
+        "drawer": pick.chance(0.7),
+        "stop": pick.chance(0.5),
         "divider": pick.chance(0.5),
-        "feet": pick.some(range(4), pick.choice((0, 2, 4))),
-        "fit": pick.choice(("H11/c11", "H9/d9", "H8/f7", "exact")),
+        "fit": pick.choice(("H9/d9", "H8/f7", "H7/g6", "exact")),
     }
 
 
 def build(params: Mapping[str, Any]) -> Product:
     """Return the table: the top's underside at z = 0, the drawer's front at -y."""
-    product, w, t = Product(), params["leg"], params["apron"]
-    a, b = params["length"] / 2.0 - w, params["width"] / 2.0 - w
-    gap, depth = clearance(t, params["fit"]), params["depth"]
-    product.add("top", kit.plate(params["length"], params["width"], 0.0, params["top"], radius=params["radius"]))
-    legs = []
+    product, depth, w = Product(), params["depth"], params["leg"]
+    length, width, block = params["length"], params["width"], params["leg"] + 2.0 * RAIL
+    frame = kit.plate(length, width, -depth, 0.0, radius=4.0)
+    frame -= kit.box((RAIL - length / 2, RAIL - width / 2, -depth - 1), (length / 2 - RAIL, width / 2 - RAIL, 1.0))
     for sx, sy in CORNERS:
-        shift = params["slope"] * params["height"]
-        head = kit.box((-w / 2, -w / 2, -0.1), (w / 2, w / 2, 0.0))
-        foot = kit.box((-w / 2, -w / 2, -params["height"]), (w / 2, w / 2, 0.1 - params["height"]))
-        solid = Manifold.batch_hull([head, foot.translate((sx * shift, sy * shift, 0.0))])
-        legs.append(product.add("leg", solid.translate((sx * a, sy * b, 0.0))))
-    reach = w / 2.0 - t / 2.0 - 1.3
-    for along, across, turn in ((a, b, False), (b, a, True)):
-        half = along - w / 2.0 + reach
-        for sign in (1, -1):
-            low, high = (-half, sign * across - t / 2.0, -depth), (half, sign * across + t / 2.0, 0.0)
-            room = kit.box((low[0] - gap, low[1] - gap / 2.0, low[2]), (high[0] + gap, high[1] + gap / 2.0, 10.0))
-            solid = kit.box(low, high)
-            if turn:
-                solid, room = solid.rotate((0.0, 0.0, 90.0)), room.rotate((0.0, 0.0, 90.0))
-            product.cut(legs, room)
-            product.add("apron", solid)
-    for block in params["blocks"]:
-        _block(product, params, block, legs[block["corner"]], (a, b))
-    for k in params["dowels"]:
-        x, y = CORNERS[k][0] * (a - w / 2.0 - 4.0), CORNERS[k][1] * b
-
-        tight = clearance(5.0, params["fit"])
-        origin = (x - CORNERS[k][0] * 50.0, y, 0.5 * params["top"])
-        kit.peg(
-            product, ["top", "apron"], 5.0, 0.5 * params["top"] + 12.0, origin, (0, 0, 1), clearance=tight, part="dowel"
-        )
-    for k in params["feet"]:
-        shift = params["slope"] * params["height"]
-        x, y, z = CORNERS[k][0] * (a + shift), CORNERS[k][1] * (b + shift), -params["height"]
-        stem = clearance(7.0, params["fit"])
-        product.cut([legs[k]], kit.cylinder(7.0 + stem, z - 1.0, z + 14.0, segments=12).translate((x, y, 0.0)))
-        foot = kit.cylinder(7.0, z - 1.0, z + 14.0, segments=12) + kit.cylinder(0.8 * w, z - 5.0, z)
-        product.add("foot", foot.translate((x, y, 0.0)))
+        x, y = sx * length / 2.0, sy * width / 2.0
+        low, high = (min(x, x - sx * block), min(y, y - sy * block)), (max(x, x - sx * block), max(y, y - sy * block))
+        frame += kit.box((*low, -depth), (*high, 0.0)) ^ kit.plate(length, width, -depth, 0.0, radius=4.0)
+    frame = product.add("frame", frame)
+    tilt, legs = math.radians(params["splay"]), []
+    for (sx, sy), leg in zip(CORNERS, params["legs"], strict=True):
+        axis = np.array((0.0, -sy * math.sin(tilt), math.cos(tilt)))
+        middle = np.array((sx * (length - block) / 2.0, sy * (width - block) / 2.0, -depth / 2.0))
+        legs.append((_leg(product, params, middle, axis, leg), middle, axis, sx * sy))
+        if leg["pin"]:
+            dip = math.radians(params["dip"])
+            side = np.array((sx * math.cos(dip), 0.0, -math.sin(dip)))
+            origin = middle + side * (block / 2.0 / math.cos(dip))
+            hole = clearance(PIN, params["fit"])
+            length_in = block / 2.0 / math.cos(dip) + 0.2 * w
+            kit.peg(
+                product, [frame, legs[-1][0]], PIN, length_in, origin.tolist(), side.tolist(), clearance=hole, reach=9.0
+            )
+    _ties(product, params, legs)
+    _top(product, params)
     if params["drawer"]:
-        _drawer(product, params, (a, b))
+        _drawer(product, params)
     return kit.tidy(product)
 
 
-def _block(
-    product: Product, params: Mapping[str, Any], block: Mapping[str, Any], leg: str, places: tuple[float, float]
-) -> None:
-    """Add a corner block with its lag screw at 45 degrees, its ears over the aprons and its screw into the top."""
-    w, t, depth, fit = params["leg"], params["apron"], params["depth"], params["fit"]
-    sx, sy = CORNERS[block["corner"]]
-    h = (w - t) / 2.0
-    q, low = 2.0 * h + 24.0, -0.8 * depth
-    aprons = ["apron" if sy > 0 else "apron_2", "apron_4" if sx > 0 else "apron_3"]
-
-    def at(u: float, v: float) -> tuple[float, float]:
-        return sx * (places[0] - t / 2.0 - u), sy * (places[1] - t / 2.0 - v)
-
-    def solid(points: list[tuple[float, float]], z0: float) -> Manifold:
-        outline = [at(u, v) for u, v in points]
-        return kit.prism(outline if sx * sy > 0 else outline[::-1], z0, 0.0)
-
-    body = solid([(h, 0), (q, 0), (0, q), (0, h), (h, h)], low)
-    for ear in block["ears"]:
-        points = [(h + 3, -0.6 * t), (q - 4, -0.6 * t), (q - 4, 1), (h + 3, 1)]
-        tab = solid(points if ear == 0 else [(v, u) for u, v in points[::-1]], -7.0)
-        body += tab
-        product.cut([aprons[ear]], tab)
-    name = product.add("block", body)
-    if block["lag"]:
-        s = math.sqrt(0.5)
-        x, y = at(q / 2.0 - s, q / 2.0 - s)
-        length = (q - 2.0 * h) * s - 1.0 + 2.0 * s * (w / 2.0 - t / 2.0 - 3.0)
-        gap = clearance(4.0, fit)
-        kit.fasten(
-            product, [name, leg], 4.0, length, (x, y, 0.5 * low), (-sx * s, -sy * s, 0.0), clearance=gap, part="lag"
-        )
-    if block["up"] or not block["lag"]:
-        x, y = at(q - 13.0, 5.5)
-        length = -low - 3.5 + 0.6 * params["top"]
-        origin, gap = (x, y, low + 3.5), clearance(3.0, fit)
-        kit.fasten(product, [name, "top"], 3.0, length, origin, (0.0, 0.0, -1.0), clearance=gap)
+def _leg(
+    product: Product, params: Mapping[str, Any], middle: np.ndarray, axis: np.ndarray, leg: Mapping[str, Any]
+) -> str:
+    """Add one leg in its socket; a shoulder keeps it from leaving upwards."""
+    w, gap, depth = params["leg"] / 2.0, clearance(params["leg"], params["fit"]) / 2.0, params["depth"]
+    bar, room = (kit.place(_square(w + e, -300.0, 100.0), middle.tolist(), axis.tolist()) for e in (0.0, gap))
+    product.cut(["frame"], room)
+    solid = bar.trim_by_plane((0.0, 0.0, -1.0), 0.0).trim_by_plane((0.0, 0.0, 1.0), -depth - params["height"])
+    if leg["shoulder"]:
+        wide = kit.place(_square(w + 4.0, -300.0, 100.0), middle.tolist(), axis.tolist())
+        wide = wide.trim_by_plane((0.0, 0.0, -1.0), depth).trim_by_plane((0.0, 0.0, 1.0), -depth - 14.0)
+        solid += wide
+    return product.add("leg", solid)
 
 
-def _drawer(product: Product, params: Mapping[str, Any], places: tuple[float, float]) -> None:
-    """Add a drawer through the front apron on a runner; its front hides the runner's screws."""
-    w, t, depth, fit = params["leg"], params["apron"], params["depth"], params["fit"]
-    front, back = -places[1] - t / 2.0, places[1] - t / 2.0
-    wide = 0.5 * (places[0] - w)
-    low, high, gap = 11.0 - depth, -7.0, 0.3
-    product.cut(["apron_2"], kit.box((-wide, front - 1, low), (wide, front + t + 1, high)))
-    runner = product.add("runner", kit.box((-wide - 5, front + t, low - 9.0), (wide + 5, back, low)))
-    loose = clearance(3.0, fit)
-    for x in (-0.6 * wide, 0.6 * wide):
-        y = front
-        kit.fasten(
-            product, ["apron_2", runner], 3.0, t + 10, (x, y, low - 5), (0, -1, 0), clearance=loose, head="countersunk"
-        )
-    origin = (0.0, back + t, low - 5.0)
-    kit.fasten(product, ["apron", runner], 3.0, t + 10.0, origin, (0, 1, 0), clearance=loose, head="countersunk")
-    end = front + 0.7 * (back - front)
-    body = kit.box((gap - wide, front - 1, low), (wide - gap, end, high - gap))
-    body -= kit.box((gap - wide + 4, front + 5, low + 4), (wide - gap - 4, end - 4, 1.0))
-    body += kit.box((-wide - 8, front - 5, low - 9.5), (wide + 8, front, high + 5))
+def _square(half: float, z0: float, z1: float) -> kit.Manifold:
+    return kit.box((-half, -half, z0), (half, half, z1))
+
+
+def _ties(product: Product, params: Mapping[str, Any], legs: list[tuple[str, np.ndarray, np.ndarray, int]]) -> None:
+    """Add stretchers along x: through one leg, blind in the other, perhaps pinned."""
+    w, d = params["leg"], 0.5 * params["leg"]
+    for tie, pair in zip(params["ties"], ((0, 1), (3, 2)), strict=False):
+        near, far = pair[::-1] if tie["flip"] else pair
+        z = -params["depth"] - 0.6 * params["height"]
+        start, end = (legs[k][1] + legs[k][2] * (z - legs[k][1][2]) / legs[k][2][2] for k in (near, far))
+        side = math.copysign(1.0, start[0])
+        origin = (start[0] + side * (w / 2.0 + 5.0), start[1], z)
+        reach = abs(origin[0] - end[0]) + 0.25 * w
+        gap, names = clearance(d, params["fit"]), [legs[near][0], legs[far][0]]
+        bar = kit.peg(product, names, d, reach, origin, (side, 0, 0), clearance=gap, reach=5.0, part="stretcher")
+        if tie["pin"]:
+            y = math.copysign(1.0, start[1])
+            lean = legs[near][2][2]
+            outside = (start[0], start[1] + y * (w / 2.0 + 1.0) / lean, z)
+            hole = clearance(5.0, params["fit"])
+            kit.peg(product, [names[0], bar], 5.0, w / 2.0 / lean + 4.0, outside, (0, y, 0), clearance=hole, reach=9.0)
+
+
+def _top(product: Product, params: Mapping[str, Any]) -> None:
+    """Add the top; its lugs go down inside the frame, where oblique pins hold them."""
+    length, width, skew = params["length"], params["width"], math.radians(params["skew"])
+    top = kit.plate(length + 16.0, width + 16.0, 0.0, params["top"], radius=params["radius"])
+    places = ((1, 0), (-1, 0), (0, 1))[: params["lugs"]]
+    for sx, sy in places:
+        x, y = sx * (length / 2.0 - RAIL - 9.0), sy * (width / 2.0 - RAIL - 9.0)
+        half = (8.8, 11.0) if sx else (11.0, 8.8)
+        top += kit.box((x - half[0], y - half[1], 4.0 - params["depth"]), (x + half[0], y + half[1], 1.0))
+    name = product.add("top", top)
+    for sx, sy in places[: params["lug_pins"]]:
+        out = np.array((sx * math.cos(skew) - sy * math.sin(skew), sy * math.cos(skew) + sx * math.sin(skew), 0.0))
+        inside = np.array((sx * (length / 2.0 - RAIL - 12.0), sy * (width / 2.0 - RAIL - 12.0), -0.5 * params["depth"]))
+        reach, hole = (RAIL + 12.0) / math.cos(skew), clearance(PIN, params["fit"])
+        origin = (inside + out * reach).tolist()
+        kit.peg(product, [name, "frame"], PIN, reach, origin, out.tolist(), clearance=hole, reach=9.0)
+
+
+def _drawer(product: Product, params: Mapping[str, Any]) -> None:
+    """Add a drawer through the frame's front, perhaps stopped by a pin up through the front rail."""
+    front, depth = -params["width"] / 2.0, params["depth"]
+    half, end = 0.5 * params["length"] - params["leg"] - 2.0 * RAIL - 6.0, params["width"] / 2.0 - RAIL - 20.0
+    low, high = 8.0 - depth, -5.0
+    product.cut(["frame"], kit.box((-half, front - 1.0, low), (half, front + RAIL + 1.0, high)))
+    body = kit.box((0.2 - half, front - 1.0, low), (half - 0.2, end, high - 0.2))
+    body -= kit.box((6.0 - half, front + RAIL + 2.0, low + 5.0), (half - 6.0, end - 6.0, 1.0))
+    body += kit.box((-half - 5.0, front - 6.0, low - 4.0), (half + 5.0, front, high + 3.0))
+    body += kit.place(kit.cylinder(10.0, 5.0, 16.0, top=14.0), (0.0, front, (low + high) / 2.0), (0.0, -1.0, 0.0))
     drawer = product.add("drawer", body)
-    middle = (low + high) / 2.0
-    product.add(
-        "knob", kit.place(kit.cylinder(16.0, 0.0, 14.0, top=20.0), (0.0, front - 5.0, middle), (0.0, -1.0, 0.0))
-    )
-    origin = (0.0, front + 5.0, middle)
-    kit.fasten(product, ["knob", drawer], 3.0, 18.0, origin, (0, 1, 0), clearance=loose, reach=4.0)
+    if params["stop"]:
+        lean, tight = math.radians(params["skew"]), clearance(6.0, params["fit"])
+        axis = (math.sin(lean), 0.0, -math.cos(lean))
+        origin = (0.0, front + RAIL / 2.0, -depth)
+        kit.peg(product, ["frame", drawer], 6.0, 16.0, origin, axis, clearance=tight, reach=9.0, part="stop")
     if params["divider"]:
-        y = (front + end) / 2.0
-        slot = kit.box((gap - wide + 2, y - 2, low + 4), (wide - gap - 2, y + 2, high - gap))
+        y = (front + RAIL + end) / 2.0
+        slot = kit.box((3.0 - half, y - 3.0, low + 3.0), (half - 3.0, y + 3.0, high - 0.2))
         product.cut([drawer], slot)
         product.add("divider", slot)
 
@@ -169,7 +157,7 @@ def _drawer(product: Product, params: Mapping[str, Any], places: tuple[float, fl
 FAMILY = Family(
     name="table",
     version=1,
-    summary="legs that drop off open slots, aprons under ears of screwed corner blocks, a drawer over hidden screws",
+    summary="legs in oblique sockets, free upwards once the top is off; pins, stretchers and a stopped drawer",
     draw=draw,
     build=build,
 )

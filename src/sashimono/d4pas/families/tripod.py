@@ -72,7 +72,7 @@ def build(params: Mapping[str, Any]) -> Product:
         product.add("spreader", disc)
     for k, (origin, frame) in enumerate(zip(feet, axes, strict=True)):
         _leg(product, params, k, origin, frame, (boss, length))
-    return product
+    return kit.tidy(product)
 
 
 def _frame(azimuth: float, splay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
