@@ -250,10 +250,18 @@ def test_half_precision_runs(variant: str, clouds: DeviceClouds) -> None:
 def test_eight_blueprints_are_learned_by_heart(
     variant: str, data: ToyDataset, cache: CloudCache, clouds: DeviceClouds, tmp_path: Path
 ) -> None:
-    config = config_for(variant, steps=1500)
-    config = replace(config, optimizer=replace(config.optimizer, rate=3e-3, average=0.99))
+    weight = {"past": "auxiliary_weight"}.get(VARIANTS[variant][0], "pose_weight")
+    steps = {"nsm": 5000}.get(VARIANTS[variant][0], 2000)  # it does not see the blueprint
+    config = config_for(variant, steps=steps, limit=8)
+    config = replace(
+        config,
+        # whole clouds: what is learned by heart must be there to be recognised
+        batch=replace(BATCH, part_points=CLOUDS.part_points, target_points=CLOUDS.blueprint_points),
+        model=replace(config.model, **{weight: 0.1}),
+        optimizer=replace(config.optimizer, rate=3e-3, average=0.99),
+    )
     done = train(config, cache, tmp_path, place=Place(device="cpu"), clouds=clouds)
     weights = read_weights(done.weights)
-    predictor = NetworkPredictor(model=load_model(weights), clouds=clouds, batch=BATCH)
-    found = evaluate(variant, predictor, data, cache, cache.split("train")[:8])
+    predictor = NetworkPredictor(model=load_model(weights), clouds=clouds, batch=config.batch)
+    found = evaluate(variant, predictor, data, cache, cache.split("train", limit=8))
     assert found.overall["sequence_exchange"].value == 1.0

@@ -30,7 +30,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
                 "seal": pick.chance(0.6),
                 "nut": pick.chance(0.7),
                 "hose": pick.choice(("hose", "cap", "none"), (3, 2, 1)),
-                "clamp": pick.chance(0.4),
+                "clamp": count < 5 and pick.chance(0.4),
                 "length": pick.length(26.0, 34.0),
             }
             for k in range(count)

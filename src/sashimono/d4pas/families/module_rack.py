@@ -12,7 +12,7 @@ from sashimono.d4pas import kit
 from sashimono.d4pas.fits import clearance
 from sashimono.d4pas.product import Family, Product
 
-SIDE, TONGUE, BOARD = 12.0, 6.0, 12.0
+SIDE, TONGUE, BOARD = 13.0, 5.0, 17.0
 """Thickness of the sides, height and depth of the tongues, thickness of top and base [mm]."""
 
 
@@ -20,7 +20,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
     """Return the parameters of one rack."""
     pick = kit.Draw(rng)
     columns = pick.choice((1, 2), (2, 1))
-    rows = pick.count(3, 6) if columns == 1 else pick.count(2, 4)
+    rows = pick.count(4, 8) if columns == 1 else pick.count(3, 5)
     return {
         "columns": columns,
         "width": pick.length(54.0, 80.0),
@@ -32,16 +32,15 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
             {
                 "full": pick.chance(0.9),
                 "face": pick.chance(0.6),
-                "latch": pick.chance(0.3),
+                "latch": pick.chance(0.6),
                 "skew": pick.choice((0.0, 20.0, 35.0)),
             }
             for _ in range(columns * rows)
         ],
-        "hooks": pick.chance(0.5),
         "stopped": pick.chance(0.4),
-        "rods": pick.some((0, 1), pick.count(0, 2)),
+        "rods": pick.choice(([], [0], [0, 1]), (2, 1, 1)),
         "back": pick.chance(0.6),
-        "back_tilt": pick.choice((0.0, 15.0, 25.0)),
+        "back_tilt": pick.choice((0.0, 12.0)),
         "fit": pick.choice(("H11/c11", "H9/d9", "H8/f7", "exact")),
     }
 
@@ -80,7 +79,7 @@ def _module(
     product: Product, params: Mapping[str, Any], bay: Mapping[str, Any], place: kit.Vector, outer: int,
     reach: float,
 ) -> str:  # fmt: skip
-    """Add one module in its guides, and its latch pin through the outer wall."""
+    """Add one module in its guides, and its latch pin through the outer wall at -x or +x (``outer``)."""
     wide, tall, deep, fit = params["width"] / 2.0, params["module"] / 2.0, params["depth"], params["fit"]
     incline, gap = math.radians(params["incline"]), clearance(params["width"], params["fit"])
     rear = (deep / 2.0 - 3.0 - tall * math.sin(incline)) / math.cos(incline)
@@ -98,10 +97,6 @@ def _module(
     if bay["face"]:
         face = kit.box((-wide - 4.0, -reach - 4.0, -tall - 2.0), (wide + 4.0, -reach, tall + 2.0))
         handle = kit.box((-8.0, -reach - 16.0, -3.0), (8.0, -reach - 4.0, 3.0))
-        if params["hooks"]:
-            tip = sorted((0.0, (1 if params["down"] else -1) * (tall + 6.0)))
-            handle += kit.box((10.0, -reach - 7.0, -3.0), (wide, -reach - 4.0, 3.0))
-            handle += kit.box((10.0, -reach - 8.0, tip[0]), (wide, -reach - 4.5, tip[1]))
         body += face + handle
     else:
         body += kit.box((-8.0, -near - 6.0, -3.0), (8.0, -near, 3.0))
@@ -110,7 +105,7 @@ def _module(
     groove = kit.box((-wide - TONGUE, -2.0 * deep, -t), (wide + TONGUE, end, t))
     product.cut(["frame"], put(groove))
     name = product.add("module", put(body))
-    if bay["latch"]:
+    if bay["latch"] and not params["rods"]:
         sign = outer
         skew, tight = math.radians(bay["skew"]), clearance(6.0, fit)
         axis = (sign * math.cos(skew), math.sin(skew), 0.0)
@@ -139,32 +134,25 @@ def _locks(product: Product, params: Mapping[str, Any], modules: list[list[str]]
         )
         product.join(rod, kit.cylinder(11.0, 0.0, 4.0).translate(origin))
     if params["back"]:
-        tight = clearance(6.0, params["fit"])
+        tight = clearance(10.0, params["fit"])
         back = product.add("back", kit.box((-half, deep / 2.0, -BOARD), (half, deep / 2.0 + 6.0, height + BOARD)))
         for sign in (1, -1):
-            tail = kit.box((-half / 3, deep / 2 - 12, -BOARD - 8), (half / 3, deep / 2 + 6, -BOARD))
-            if sign > 0:
-                tail = tail.translate((0.0, 0.0, height + 2.0 * BOARD + 8.0))
-            product.join(back, tail)
+            breadth = 9.5 if params["rods"] else 14.0
+            low, high = (height + BOARD, height + BOARD + 8.0) if sign > 0 else (-BOARD - 8.0, -BOARD)
+            tail = kit.box((-breadth, deep / 2 - 20, low), (breadth, deep / 2 + 6, high))
+            arm = kit.box((-breadth, deep / 2, low - 3.0), (breadth, deep / 2 + 6, high + 3.0))
+            product.join(back, tail + arm.trim_by_plane((0.0, 0.0, -sign), -(BOARD + 8.0 + height * (sign > 0))))
             level = -BOARD - 8.0 if sign < 0 else height + BOARD + 8.0
-            lean = math.radians(params["back_tilt"])
+            lean = 0.0 if params["rods"] else math.radians(params["back_tilt"])
             axis = (math.sin(lean), 0.0, sign * math.cos(lean))
-            kit.peg(
-                product,
-                [back, "frame"],
-                6.0,
-                13.0 + 2.0,
-                (0.0, deep / 2.0 - 6.0, level),
-                axis,
-                clearance=tight,
-                reach=9.0,
-            )
+            origin = (0.0, deep / 2.0 - 10.0, level)
+            kit.peg(product, [back, "frame"], 10.0, 22.0, origin, axis, clearance=tight, reach=9.0)
 
 
 FAMILY = Family(
     name="module_rack",
     version=1,
-    summary="modules in inclined guides under rods, latches and hooks: faced ones leave forwards, plain ones both ways",
+    summary="modules in inclined guides under rods, latches and a pinned back; faced ones only leave forwards",
     draw=draw,
     build=build,
 )

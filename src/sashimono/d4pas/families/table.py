@@ -13,7 +13,7 @@ from sashimono.d4pas.fits import clearance
 from sashimono.d4pas.product import Family, Product
 
 CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-RAIL, PIN = 11.0, 7.0
+RAIL, PIN = 12.0, 9.0
 """Thickness of the frame's rails, and its pins [mm]."""
 
 
@@ -22,8 +22,8 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
     pick = kit.Draw(rng)
     return {
         "length": pick.length(130.0, 170.0),
-        "width": pick.length(124.0, 145.0),
-        "depth": pick.length(30.0, 36.0),
+        "width": pick.length(126.0, 145.0),
+        "depth": pick.length(32.0, 36.0),
         "height": pick.length(60.0, 100.0),
         "top": pick.length(10.0, 16.0),
         "radius": pick.choice((0.0, 8.0, 20.0)),
@@ -63,7 +63,7 @@ def build(params: Mapping[str, Any]) -> Product:
             side = np.array((sx * math.cos(dip), 0.0, -math.sin(dip)))
             origin = middle + side * (block / 2.0 / math.cos(dip))
             hole = clearance(PIN, params["fit"])
-            length_in = block / 2.0 / math.cos(dip) + 0.2 * w
+            length_in = block / 2.0 / math.cos(dip) + 0.25 * w
             kit.peg(
                 product, [frame, legs[-1][0]], PIN, length_in, origin.tolist(), side.tolist(), clearance=hole, reach=9.0
             )
@@ -77,15 +77,16 @@ def build(params: Mapping[str, Any]) -> Product:
 def _leg(
     product: Product, params: Mapping[str, Any], middle: np.ndarray, axis: np.ndarray, leg: Mapping[str, Any]
 ) -> str:
-    """Add one leg in its socket; a shoulder keeps it from leaving upwards."""
+    """Add one leg in its socket, square to a seat below; a shoulder keeps it from leaving upwards."""
     w, gap, depth = params["leg"] / 2.0, clearance(params["leg"], params["fit"]) / 2.0, params["depth"]
-    bar, room = (kit.place(_square(w + e, -300.0, 100.0), middle.tolist(), axis.tolist()) for e in (0.0, gap))
+    low = -(depth / 2.0 + params["height"]) / axis[2]
+    bar, room = (kit.place(_square(w + e, low, 100.0), middle.tolist(), axis.tolist()) for e in (0.0, gap))
     product.cut(["frame"], room)
-    solid = bar.trim_by_plane((0.0, 0.0, -1.0), 0.0).trim_by_plane((0.0, 0.0, 1.0), -depth - params["height"])
+    seat = (2.0 - depth / 2.0) / axis[2] + (w + 5.0) * math.hypot(axis[0], axis[1]) / axis[2]
+    product.cut(["frame"], kit.place(_square(w + 5.0, -100.0, seat), middle.tolist(), axis.tolist()))
+    solid = bar.trim_by_plane((0.0, 0.0, -1.0), 0.0)
     if leg["shoulder"]:
-        wide = kit.place(_square(w + 4.0, -300.0, 100.0), middle.tolist(), axis.tolist())
-        wide = wide.trim_by_plane((0.0, 0.0, -1.0), depth).trim_by_plane((0.0, 0.0, 1.0), -depth - 14.0)
-        solid += wide
+        solid += kit.place(_square(w + 5.0 - gap, seat - 16.0, seat), middle.tolist(), axis.tolist())
     return product.add("leg", solid)
 
 
@@ -119,8 +120,8 @@ def _top(product: Product, params: Mapping[str, Any]) -> None:
     top = kit.plate(length + 16.0, width + 16.0, 0.0, params["top"], radius=params["radius"])
     places = ((1, 0), (-1, 0), (0, 1))[: params["lugs"]]
     for sx, sy in places:
-        x, y = sx * (length / 2.0 - RAIL - 9.0), sy * (width / 2.0 - RAIL - 9.0)
-        half = (8.8, 11.0) if sx else (11.0, 8.8)
+        x, y = sx * (length / 2.0 - RAIL - 10.0), sy * (width / 2.0 - RAIL - 10.0)
+        half = (9.8, 11.0) if sx else (11.0, 9.8)
         top += kit.box((x - half[0], y - half[1], 4.0 - params["depth"]), (x + half[0], y + half[1], 1.0))
     name = product.add("top", top)
     for sx, sy in places[: params["lug_pins"]]:
