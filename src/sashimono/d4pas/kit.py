@@ -54,7 +54,7 @@ class Draw:
         """Return whether something with this probability happens."""
         return bool(self.rng.random() < probability)
 
-    def choice(self, options: Sequence[T], weights: Sequence[float] | None = None) -> T:
+    def choice(self, options: Sequence[T], weights: Sequence[float] | Sequence[int] | None = None) -> T:
         """Return one of the options."""
         p = None if weights is None else np.asarray(weights, float) / np.sum(weights)
         return options[int(self.rng.choice(len(options), p=p))]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,7 +20,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
     pick = kit.Draw(rng)
     first = pick.choice(ENDS)
     return {
-        "mandrel": pick.choice((0.0, 16.0, 20.0), (0.4, 0.3, 0.3)),
+        "mandrel": pick.choice((0.0, 16.0, 20.0)),
         "bore": pick.length(12.0, 18.0, 1.0),
         "wall": pick.length(5.0, 7.0),
         "barrel": pick.length(5.0, 8.0),
@@ -86,8 +85,7 @@ def _end(
         product.join(locked[0], sided(flange))
         return
     name = product.add("flange", sided(flange))
-    apart = 0.55 * size / math.tan(math.radians(params["spacing"]) / 2.0)
-    inner = tube / 2.0 - params["wall"] + 0.5 if len(locked) == 1 else max(apart, 0.2 * params["mandrel"])
+    inner = tube / 2.0 - params["wall"] + 0.5 if len(locked) == 1 else 0.5 * params["mandrel"] - 2.5
     tilt = params["tilt"] if kind == "pinned" else 0.0
     for k in range(params["pins"][side]):
         pin, room = (

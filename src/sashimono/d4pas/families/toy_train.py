@@ -38,7 +38,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "roof": pick.choice((-8.0, 0.0, None)),
         "wagon": pick.chance(0.4),
         "wagon_axles": axles(pick.count(1, 2)),
-        "logs": pick.count(1, 2),
+        "logs": pick.count(1, 3),
         "gate": pick.choice((0.0, 20.0, -30.0)),
         "link": pick.choice((0.0, 8.0)),
         "fit": pick.choice(("H9/d9", "H8/f7", "H7/g6", "exact")),
@@ -84,7 +84,10 @@ def _engine(product: Product, params: Mapping[str, Any], chassis: str) -> None:
     half, length, fit = params["width"] / 2.0, params["length"], params["fit"]
     level, gap = BOILER / 2.0 + 5.0, clearance(BOILER, fit)
     cab = product.add("cab", kit.box((2.0, -half, 0.0), (36.0, half, 46.0)))
-    product.join(chassis, kit.box((-5.0, -half, -8.0), (2.0, half, 22.0)))
+    product.join(chassis, kit.box((-5.0, -half, -8.0), (2.0, half, 26.0)))
+    key = kit.box((1.0, half - 16.0, -1.0), (9.0, half - 8.0, 26.0))
+    product.cut([cab], key)
+    product.join(chassis, key)
     product.join(chassis, kit.box((length - 24.0, -half, -1.0), (length - 4.0, half, level + BOILER / 2.0 + 6.0)))
     origin, axis, reach = (length + 4.0, 0.0, level), (1, 0, 0), length + 4.0 - 22.0
     boiler = kit.peg(
@@ -92,8 +95,8 @@ def _engine(product: Product, params: Mapping[str, Any], chassis: str) -> None:
     )
     lean, tight = math.radians(params["lean"]), clearance(PEG, fit)
     for k in range(params["pegs"]):
-        side = (-1) ** k * math.sin(lean)
-        start = (7.5 + 9.0 * k, half * 0.6 * (-1) ** k, -DECK)
+        side = (1 - 2 * k) * math.sin(lean)
+        start = (8.5 + 9.0 * k, -3.0 - 8.0 * k, -DECK)
         tall = (DECK + 15.0) / math.cos(lean)
         kit.peg(
             product,
@@ -150,16 +153,18 @@ def _wagon(product: Product, params: Mapping[str, Any], engine: str) -> None:
     _axles(product, params, wagon, params["wagon_axles"], places)
     d, hole = 11.0, clearance(11.0, fit)
     product.join(wagon, kit.box((back, -half, 3.0), (front, half, 16.0)))
-    product.cut([wagon], kit.box((back + 1.0, -half + 5.0 - hole, 2.0), (back + 7.0 + hole, half - 5.0 + hole, 31.0)))
-    product.join(wagon, kit.box((back - 5.0, -half, -1.0), (back + 1.0, half, 26.0)))
-    gate = product.add("gate", kit.box((back + 1.0, -half + 5.0, 2.0), (back + 7.0, half - 5.0, 30.0)))
+    product.join(wagon, kit.box((back, -half, 15.0), (front, 6.0 - half, 28.0)))
+    low, high = (back + 6.0, 6.0 - half, 2.0), (front - 6.0, 12.0 - half, 31.0)
+    product.cut([wagon], kit.box((low[0] - hole, low[1], low[2]), (high[0] + hole, high[1] + hole, 40.0)))
+    gate = product.add("gate", kit.box(low, high))
     for k in range(params["logs"]):
-        start = (back + 7.0, (k - 0.5 * (params["logs"] - 1)) * 15.0, 9.0)
-        kit.peg(product, [wagon], d, 58.0, start, (-1, 0, 0), clearance=hole, reach=30.0, part="log", segments=16)
-    lean, tight = math.radians(params["gate"]), clearance(5.0, fit)
-    axis, start = (-math.cos(lean), math.sin(lean), 0.0), (back - 5.0, 4.0 * math.sin(lean), 20.5)
-    kit.peg(product, [wagon, gate], 5.0, 10.5 / math.cos(lean), start, axis, clearance=tight, reach=5.0)
-    low = 10.0 - DECK
+        start = (0.5 * (front + back) + (k - 0.5 * (params["logs"] - 1)) * 18.0, high[1], 9.0)
+        length = 2.0 * half - 18.0
+        kit.peg(product, [wagon], d, length, start, (0, -1, 0), clearance=hole, reach=30.0, part="log", segments=16)
+    lean, tight = math.radians(params["gate"]), clearance(6.0, fit)
+    axis, start = (math.sin(lean), -math.cos(lean), 0.0), (0.5 * (front + back), -half, 21.0)
+    kit.peg(product, [wagon, gate], 6.0, 11.0 / math.cos(lean), start, axis, clearance=tight, reach=5.0)
+    low = 14.0 - DECK
     product.join(engine, kit.box((-17.0, -8.0, -DECK), (1.0, 8.0, low)))
     product.join(wagon, kit.box((front - 1.0, -8.0, -DECK), (-17.0, 8.0, low)))
     link = product.add("link", kit.box((-31.0, -7.0, low), (-5.5, 7.0, low + 6.0)))
@@ -167,7 +172,7 @@ def _wagon(product: Product, params: Mapping[str, Any], engine: str) -> None:
     for name, x in ((engine, -11.5), (wagon, -25.0)):
         axis, hole = (0.0, math.sin(lean), math.cos(lean)), clearance(7.0, fit)
         start = (x, 0.0, low + 6.0)
-        pin = kit.peg(product, [link, name], 7.0, 14.0, start, axis, clearance=hole, reach=5.0)
+        pin = kit.peg(product, [link, name], 7.0, 18.0, start, axis, clearance=hole, reach=5.0)
         head = kit.cylinder(11.0, 1.5, 4.0, segments=12) + kit.cylinder(7.0, -1.0, 2.0, segments=12)
         product.join(pin, kit.place(head, start, axis))
 
