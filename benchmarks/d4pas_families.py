@@ -3,8 +3,8 @@
     python benchmarks/d4pas_families.py [FAMILY ...] [--count N] [--first SEED]
 
 By family: members with faults; parts; processor time of a label; share solved and proven complete; orders; chance of a
-random next part; parts with alternatives; states in which a part can be inserted that leads nowhere; Seq-Acc of a random
-order, inside out, and the rule. Failures stay in the denominator of what is solved.
+random next part; parts with alternatives; states in which a part can be inserted that leads nowhere; Seq-Acc of a
+random order, inside out, and the rule. Failures stay in the denominator of what is solved.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from sashimono.d4pas.labels import LabelConfig, label_assembly
 from sashimono.d4pas.recipe import assembly_of, build_product, draw_recipe, find_faults
 from sashimono.d4pas.states import insertable, is_right_order, random_state, right_next
 
-HEAD = "family           faults parts      label s med/p90/max     solved complete orders(med) chance alt dead random inside rule"
+HEAD = (
+    "family           faults parts      label s med/p90/max     solved complete orders(med) chance alt dead "
+    "random inside rule"
+)
 
 
 def main() -> None:

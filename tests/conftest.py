@@ -14,7 +14,7 @@ import pytest
 from jaxtyping import install_import_hook
 
 # Array shapes are checked while testing, not in production; must come before the first import of the package.
-install_import_hook("sashimono", "beartype.beartype")
+install_import_hook("sashimono", "typecheck.check")
 
 _njit = numba.njit
 

@@ -71,7 +71,7 @@ def plan_with_status(status: str, calls: dict[str, Any]) -> Any:
         (["plan", "in.step", "--out", "o", "--seed", "one"], "--seed"),
         (["plan", "in.step", "--out", "o", "--seed", "-1"], "--seed"),
         (["plan", "in.step", "--out", "o", "--wrong"], "No such option"),
-        (["plan", "in.step", "--out", "o", "--method", "past"], "--method past is not in this version"),
+        (["plan", "in.step", "--out", "o", "--method", "magic"], "--method magic is not in this version"),
         (["plan", "in.step", "--out", "o", "--gripper", "claw"], "gripper 'claw' is not known"),
         (["plan", "in.step", "--out", "o"], "in.step"),
         (["verify", "plan.json"], "plan.json"),

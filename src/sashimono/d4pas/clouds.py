@@ -65,7 +65,7 @@ def unit_frame(points: Float[np.ndarray, "*batch 3"]) -> tuple[Float[np.ndarray,
     return center, float(np.linalg.norm(flat - center, axis=1).max())
 
 
-def normalised(cloud: Float[np.ndarray, "*batch 6"], center: Sequence[float], scale: float) -> np.ndarray:
+def normalised(cloud: Float[np.ndarray, "*batch 6"], center: Sequence[float] | np.ndarray, scale: float) -> np.ndarray:
     """Return a cloud with its points moved and scaled, its normals as they are."""
     out = np.array(cloud, dtype=np.float64)
     out[..., :3] = (out[..., :3] - np.asarray(center)) / scale

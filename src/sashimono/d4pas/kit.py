@@ -15,7 +15,7 @@ from manifold3d import CrossSection, JoinType, Manifold, OpType
 
 from sashimono.d4pas.product import Product
 
-Vector = Sequence[float]
+Vector = Sequence[float] | np.ndarray
 T = TypeVar("T")
 
 SEGMENTS = 24
@@ -54,7 +54,7 @@ class Draw:
         """Return whether something with this probability happens."""
         return bool(self.rng.random() < probability)
 
-    def choice(self, options: Sequence[T], weights: Sequence[float] | Sequence[int] | None = None) -> T:
+    def choice(self, options: Sequence[T], weights: Sequence[float] | None = None) -> T:
         """Return one of the options."""
         p = None if weights is None else np.asarray(weights, float) / np.sum(weights)
         return options[int(self.rng.choice(len(options), p=p))]
@@ -93,7 +93,7 @@ def plate(length: float, width: float, z0: float, z1: float, *, radius: float = 
 
 def prism(outline: Sequence[Sequence[float]], z0: float, z1: float) -> Manifold:
     """Return the prism over a polygon (counter-clockwise points x, y) from z0 to z1."""
-    return Manifold.extrude(CrossSection([list(map(tuple, outline))]), z1 - z0).translate((0.0, 0.0, z0))
+    return Manifold.extrude(CrossSection([np.array(outline, dtype=np.float64)]), z1 - z0).translate((0.0, 0.0, z0))
 
 
 def hexagon(across_flats: float, z0: float, z1: float) -> Manifold:
@@ -108,7 +108,7 @@ def sphere(diameter: float, *, segments: int = SEGMENTS) -> Manifold:
 
 def revolve(outline: Sequence[Sequence[float]], *, segments: int = SEGMENTS) -> Manifold:
     """Return the solid of revolution about z of a polygon of points (radius, z)."""
-    return Manifold.revolve(CrossSection([list(map(tuple, outline))]), segments)
+    return Manifold.revolve(CrossSection([np.array(outline, dtype=np.float64)]), segments)
 
 
 def union(solids: Iterable[Manifold]) -> Manifold:

@@ -114,7 +114,7 @@ def _counts(section: object, where: str) -> dict[str, int]:
         if not isinstance(count, int) or isinstance(count, bool) or count < 0:
             raise InputError(f"{where} {family} = {count!r} should be a whole number of 0 or more; mend it")
     every = section.get("all")
-    counts = {} if every is None else dict.fromkeys(families(), every)
+    counts: dict[str, int] = {} if every is None else dict.fromkeys(families(), int(every))
     return counts | {family: count for family, count in section.items() if family != "all"}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 TRAIN, VAL, TEST, UNSEEN, REAL = "train", "val", "test", "unseen-families", "real"
 SPLITS = (TRAIN, VAL, TEST, UNSEEN, REAL)
@@ -71,7 +71,7 @@ def near_duplicates(descriptors: Sequence[Sequence[float]], *, near: float) -> l
             k = root[k]
         return k
 
-    for a, b in cKDTree(points).query_pairs(near * np.sqrt(points.shape[1])):
+    for a, b in KDTree(points).query_pairs(near * np.sqrt(points.shape[1])):
         root[max(find(a), find(b))] = min(find(a), find(b))
     groups: dict[int, list[int]] = {}
     for k in range(len(points)):

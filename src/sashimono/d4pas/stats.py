@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from sashimono.d4pas import heuristics
 from sashimono.d4pas.clouds import normalised, part_clouds, unit_frame
@@ -131,7 +131,7 @@ def nearest_neighbours(dataset: Dataset) -> dict[str, dict[str, float]]:
     for split in sorted(set(splits) - {TRAIN}):
         mine = points[multi & (splits == split)]
         if len(mine) and len(train):
-            gaps = cKDTree(train).query(mine)[0] / np.sqrt(points.shape[1])
+            gaps = KDTree(train).query(mine)[0] / np.sqrt(points.shape[1])
             names = ("least", "p10", "median", "p90")
             quantiles = np.quantile(gaps, (0.0, 0.1, 0.5, 0.9))
             out[split] = dict(zip(names, (round(float(x), 4) for x in quantiles), strict=True))

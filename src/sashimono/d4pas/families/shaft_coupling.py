@@ -154,7 +154,7 @@ def _add_shells(product: Product, params: Mapping[str, Any], coupling: Mapping[s
 FAMILY = Family(
     name="shaft_coupling",
     version=1,
-    summary="shafts in a row under cross pins and set screws at odd angles; keys and collars shut in by hubs and shells",
+    summary="shafts in a row under cross pins and set screws at odd angles; keys and collars shut in by hubs",
     draw=draw,
     build=build,
 )
