@@ -105,7 +105,7 @@ def _connect(ray: Any, address: str) -> None:
 def _require_ray() -> Any:
     try:
         import ray
-        import ray.exceptions
+        import ray.exceptions  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise SashimonoError(
             "spreading work over a Ray cluster needs Ray; install the extra: pip install 'sashimono[distributed]'"
