@@ -104,7 +104,7 @@ def _connect(ray: Any, address: str) -> None:
 
 def _require_ray() -> Any:
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports]
         import ray.exceptions  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise SashimonoError(
