@@ -32,7 +32,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "wheel": pick.length(26.0, 30.0),
         "axles": axles(pick.count(1, 2)),
         "pegs": pick.count(1, 2),
-        "lean": pick.choice((18.0, 22.0, 26.0)),
+        "lean": pick.choice((24.0, 27.0, 30.0)),
         "rake": pick.choice((0.0, 12.0, -15.0, 20.0)),
         "dome": pick.choice((None, 0.0, 22.5, -37.5)),
         "roof": pick.choice((-8.0, 0.0, None)),
@@ -83,21 +83,21 @@ def _engine(product: Product, params: Mapping[str, Any], chassis: str) -> None:
     """Add the cab on oblique pegs, the boiler through a saddle into it, chimney, dome and roof."""
     half, length, fit = params["width"] / 2.0, params["length"], params["fit"]
     level, gap = BOILER / 2.0 + 5.0, clearance(BOILER, fit)
-    cab = product.add("cab", kit.box((2.0, -half, 0.0), (36.0, half, 46.0)))
+    cab = product.add("cab", kit.box((2.0, -half, 0.0), (42.0, half, 46.0)))
     product.join(chassis, kit.box((-5.0, -half, -8.0), (2.0, half, 26.0)))
-    key = kit.box((1.0, half - 16.0, -1.0), (9.0, half - 8.0, 26.0))
+    key = kit.box((1.0, -8.0, -1.0), (8.5, 8.0, 26.0))
     product.cut([cab], key)
     product.join(chassis, key)
     product.join(chassis, kit.box((length - 24.0, -half, -1.0), (length - 4.0, half, level + BOILER / 2.0 + 6.0)))
-    origin, axis, reach = (length + 4.0, 0.0, level), (1, 0, 0), length + 4.0 - 22.0
+    origin, axis, reach = (length + 4.0, 0.0, level), (1, 0, 0), length + 4.0 - 28.0
     boiler = kit.peg(
         product, [cab, chassis], BOILER, reach, origin, axis, clearance=gap, reach=5.0, part="boiler", segments=24
     )
     lean, tight = math.radians(params["lean"]), clearance(PEG, fit)
     for k in range(params["pegs"]):
         side = (1 - 2 * k) * math.sin(lean)
-        start = (8.5 + 9.0 * k, -3.0 - 8.0 * k, -DECK)
-        tall = (DECK + 15.0) / math.cos(lean)
+        start = (13.5 + 9.0 * k, 11.0 - 22.0 * k, -DECK)
+        tall = (DECK + 13.0) / math.cos(lean)
         kit.peg(
             product,
             [chassis, cab],
@@ -119,7 +119,7 @@ def _engine(product: Product, params: Mapping[str, Any], chassis: str) -> None:
     if params["dome"] is not None:
         roll = math.radians(params["dome"])
         axis = (0.0, math.sin(roll), math.cos(roll))
-        start = (0.5 * (36.0 + length - 24.0), axis[1] * (BOILER / 2.0 - 0.2), level + axis[2] * (BOILER / 2.0 - 0.2))
+        start = (0.5 * (42.0 + length - 24.0), axis[1] * (BOILER / 2.0 - 0.2), level + axis[2] * (BOILER / 2.0 - 0.2))
         dome = kit.peg(product, [boiler], 8.0, 9.0, start, axis, clearance=clearance(8.0, fit), reach=5.0, part="dome")
         cone = kit.cylinder(13.0, 0.3, 9.0, top=9.0) + kit.cylinder(8.0, -1.0, 1.0, segments=12)
         product.join(dome, kit.place(cone, start, axis))
@@ -137,7 +137,7 @@ def _roof(product: Product, params: Mapping[str, Any], cab: str, half: float) ->
         for e, u in ((0.0, half), (gap, half + 5.0))
     )
     product.cut([cab], room)
-    roof = product.add("roof", kit.box((-2.0, -half - 4.0, 46.0), (40.0, half + 4.0, 53.0)) + tail)
+    roof = product.add("roof", kit.box((-2.0, -half - 4.0, 46.0), (46.0, half + 4.0, 53.0)) + tail)
     lean = math.radians(params["roof"])
     axis, start = (math.sin(lean), 0.0, math.cos(lean)), (28.5, 0.25 * half, 53.0)
     kit.peg(product, [roof, cab], 8.0, 19.0, start, axis, clearance=clearance(8.0, fit), reach=5.0, part="peg")
@@ -165,11 +165,11 @@ def _wagon(product: Product, params: Mapping[str, Any], engine: str) -> None:
     axis, start = (math.sin(lean), -math.cos(lean), 0.0), (0.5 * (front + back), -half, 21.0)
     kit.peg(product, [wagon, gate], 6.0, 11.0 / math.cos(lean), start, axis, clearance=tight, reach=5.0)
     low = 14.0 - DECK
-    product.join(engine, kit.box((-17.0, -8.0, -DECK), (1.0, 8.0, low)))
-    product.join(wagon, kit.box((front - 1.0, -8.0, -DECK), (-17.0, 8.0, low)))
-    link = product.add("link", kit.box((-31.0, -7.0, low), (-5.5, 7.0, low + 6.0)))
+    product.join(engine, kit.box((-19.0, -13.0, -DECK), (1.0, 13.0, low)))
+    product.join(wagon, kit.box((front - 1.0, -13.0, -DECK), (-20.0, 13.0, low)))
+    link = product.add("link", kit.box((-34.0, -8.0, low), (-5.5, 8.0, low + 6.0)))
     lean = math.radians(params["link"])
-    for name, x in ((engine, -11.5), (wagon, -25.0)):
+    for name, x in ((engine, -11.5), (wagon, -28.0)):
         axis, hole = (0.0, math.sin(lean), math.cos(lean)), clearance(7.0, fit)
         start = (x, 0.0, low + 6.0)
         pin = kit.peg(product, [link, name], 7.0, 18.0, start, axis, clearance=hole, reach=5.0)
@@ -179,7 +179,7 @@ def _wagon(product: Product, params: Mapping[str, Any], engine: str) -> None:
 
 FAMILY = Family(
     name="toy_train",
-    version=1,
+    version=2,
     summary="wheels pinned on axles, a boiler keyed by its chimney, a cab on oblique pegs, logs behind a gate",
     draw=draw,
     build=build,
