@@ -14,6 +14,7 @@ from sashimono.errors import SashimonoError
 
 
 def write_json(path: Path, value: object) -> None:
+    """Write a value as indented JSON, whole or not at all; SashimonoError if the file cannot be written."""
     with replacing_together(path.parent) as folder:
         (folder / path.name).write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 

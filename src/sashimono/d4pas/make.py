@@ -99,7 +99,9 @@ def make_dataset(
     runner = run or partial(run_items, workers=workers)
     try:
         for item, result in runner(todo, partial(work, config=config)):
-            entry = result or {**_about(item), "rows": None, "reason": DIED, "seconds": {}, "peak": 0}
+            # what killed its worker is not done here: family and seed are enough to draw the item again
+            params = item.params if isinstance(item, ForeignItem) else {}
+            entry = result or {**_about(item, params), "rows": None, "reason": DIED, "seconds": {}, "peak": 0}
             failed += entry["rows"] is None
             journal.add(item.key, entry)
             progress(len(journal.done), len(items), failed)
@@ -113,15 +115,19 @@ def make_dataset(
 
 def work(item: MakeItem | ForeignItem, *, config: RowConfig) -> dict[str, Any]:
     """Return a journal entry: what came of one item. A fault of ours is recorded with the item, not raised."""
+    params: Mapping[str, Any] = {}
     try:
         if isinstance(item, ForeignItem):
+            params = item.params
             outcome = foreign_rows(item, config=config)
         else:
-            outcome = make_rows(_recipe(item), config=config)
+            recipe = _recipe(item)
+            params = recipe.params
+            outcome = make_rows(recipe, config=config)
     except Exception as error:  # the run goes on, and the reason is in failures.parquet
         outcome = Outcome(rows=None, reason=f"{type(error).__name__}: {error}", seconds={})
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return {**_about(item), **asdict(outcome), "peak": peak}
+    return {**_about(item, params), **asdict(outcome), "peak": peak}
 
 
 def _recipe(item: MakeItem) -> Recipe:
@@ -139,14 +145,9 @@ def _items(source: str) -> tuple[RecipeBook, list[MakeItem] | list[ForeignItem]]
     ]
 
 
-def _about(item: MakeItem | ForeignItem) -> dict[str, Any]:
-    if isinstance(item, ForeignItem):
-        return {"family": item.family, "params": json.dumps(item.params, sort_keys=True), "seed": 0}
-    try:
-        params = _recipe(item).params
-    except Exception:  # the family cannot even draw: the reason of the failure says so
-        params = {}
-    return {"family": item.family, "params": json.dumps(params, sort_keys=True), "seed": item.seed}
+def _about(item: MakeItem | ForeignItem, params: Mapping[str, Any]) -> dict[str, Any]:
+    seed = 0 if isinstance(item, ForeignItem) else item.seed
+    return {"family": item.family, "params": json.dumps(params, sort_keys=True), "seed": seed}
 
 
 def _identity(book: RecipeBook, items: Sequence[Any], config: RowConfig) -> str:
