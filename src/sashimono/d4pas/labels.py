@@ -32,7 +32,7 @@ class LabelConfig:
             max_traced=4_000_000,
             translation=TranslationConfig(
                 max_legs=12,
-                space=SpaceConfig(max_proof_work=3_000_000, max_proof_cells=1_000_000, max_proof_visited=20_000),
+                space=SpaceConfig(max_proof_cells=2_000_000),
             ),
         )
     )

@@ -25,17 +25,17 @@ class Product:
         while unique in self.solids:
             number += 1
             unique = f"{name}_{number}"
-        self.solids[unique] = solid
+        self.solids[unique] = _evaluated(solid)
         return unique
 
     def cut(self, names: Iterable[str], tool: Manifold) -> None:
         """Subtract a tool from these parts."""
         for name in names:
-            self.solids[name] = self.solids[name] - tool
+            self.solids[name] = _evaluated(self.solids[name] - tool)
 
     def join(self, name: str, solid: Manifold) -> None:
         """Add material to a part."""
-        self.solids[name] = self.solids[name] + solid
+        self.solids[name] = _evaluated(self.solids[name] + solid)
 
     def declare_fit(self, first: str, second: str) -> None:
         """Say that two parts are meant to overlap."""
@@ -57,3 +57,9 @@ class Family:
     """One line: what it is, and what makes its orders interesting."""
     draw: Callable[[np.random.Generator], dict[str, Any]]
     build: Callable[[Mapping[str, Any]], Product]
+
+
+def _evaluated(solid: Manifold) -> Manifold:
+    """Return a solid, evaluated now: later, the triangles would depend on which operands Python still holds."""
+    solid.status()
+    return solid

@@ -11,6 +11,7 @@ import numpy as np
 from manifold3d import Error, Manifold
 
 from sashimono.assembly import Assembly, Part
+from sashimono.d4pas import kit
 from sashimono.d4pas.families import families
 from sashimono.d4pas.product import Product
 from sashimono.errors import InputError
@@ -92,7 +93,7 @@ def build_product(recipe: Recipe) -> Product:
     product = kind.build(recipe.params)
     if ONLY in recipe.params:
         product.solids = {name: product.solids[name] for name in recipe.params[ONLY]}
-    return product
+    return kit.tidy(product)
 
 
 def build_assembly(recipe: Recipe) -> Assembly:

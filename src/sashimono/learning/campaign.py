@@ -247,9 +247,6 @@ def _train_entry(
 ) -> None:
     run = folders.work / entry.name
     asked = entry.read()
-    if (run / EVALUATION).exists():  # the last cycle came to its end: a new one begins with its weights
-        for name in (CHECKPOINT, EVALUATION):
-            (run / name).unlink(missing_ok=True)
     start = None
     checkpoint, trained = run / CHECKPOINT, 0.0
     if checkpoint.exists():
@@ -298,7 +295,9 @@ def _evaluate_entry(
     )
     rows = cache.split(config.split, limit=config.evaluated)
     found = evaluate(entry.name, predictor, data, cache, rows, states=config.states)
-    write_evaluation(folders.work / entry.name / EVALUATION, found)
+    run = folders.work / entry.name
+    write_evaluation(run / EVALUATION, found)
+    (run / CHECKPOINT).unlink()  # the cycle is over: the next one begins with its weights
 
 
 def evaluate_heuristics(config: CampaignConfig, data: Dataset, cache: CloudCache, folders: Folders) -> None:

@@ -32,7 +32,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
                 "seat": pick.chance(0.7),
                 "pipe": pick.choice((0.0, 18.0)),
             }
-            for _ in range(pick.count(1, 2))
+            for _ in range(pick.choice((1, 1, 2)))
         ],
         "stem_side": pick.choice((-1.0, 1.0)),
         "pin_up": pick.choice((-1.0, 1.0)),
@@ -41,7 +41,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "lever": pick.length(26.0, 40.0),
         "lever_angle": pick.length(0.0, 360.0, 1.0),
         "lever_pin": pick.chance(0.75),
-        "drain": pick.choice((0.0, 35.0, 55.0, 72.0)),
+        "drain": pick.choice((0.0, 35.0, 55.0, 72.0), (9, 1, 1, 1)),
     }
 
 
@@ -158,7 +158,7 @@ def _add_stem(product: Product, params: Mapping[str, Any], axis: tuple[float, fl
 
 FAMILY = Family(
     name="ball_valve",
-    version=1,
+    version=2,
     summary="a ball behind caps on oblique cross pins, keyed to a leaning stem that a pin across its groove holds",
     draw=draw,
     build=build,

@@ -20,7 +20,7 @@ FACETS = 20
 def draw(rng: np.random.Generator) -> dict[str, Any]:
     """Return the parameters of one pot or one set of panels."""
     pick = kit.Draw(rng)
-    if pick.chance(0.35):
+    if pick.chance(0.6):
         return {
             "kind": "cap",
             "bore": pick.length(26.0, 40.0),
@@ -41,21 +41,22 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
                 "lock": pick.choice(("none", "screw", "pin"), (2, 1, 1)),
                 "tilt": pick.choice((0.0, 20.0, 35.0)),
             }
-            for _ in range(pick.count(2, 4))
+            for _ in range(pick.count(2, 3))
         ],
         "width": pick.length(50.0, 80.0),
-        "slope": pick.choice((0.0, 17.0, 30.0, 45.0)),
+        "slope": 0.0,
         "stud": pick.length(6.0, 8.0, 0.5),
         "fit": pick.choice(("H9/d9", "H7/g6", "exact")),
         "thick": pick.length(6.0, 9.0),
         "wedge": pick.choice(("none", "bar"), (1, 2)),
-        "studs": pick.choice(("part", "board"), (1, 1)),
+        "single": pick.chance(0.5),
+        "studs": pick.choice(("part", "board"), (1, 6)),
     }
 
 
 def build(params: Mapping[str, Any]) -> Product:
     """Return the pot with its cap, or the board with its panels."""
-    return kit.tidy(_pot(params) if params["kind"] == "cap" else _board(params))
+    return _pot(params) if params["kind"] == "cap" else _board(params)
 
 
 def _pot(params: Mapping[str, Any]) -> Product:
@@ -70,12 +71,12 @@ def _pot(params: Mapping[str, Any]) -> Product:
     width = 34.0  # of a lug, in degrees
     for k in range(count):
         at = 360.0 * k / count
-        entry = _sector(outer + 2.0, bore - 2.0, at - 1.0, at + width + 1.0, rim - 12.2, rim + 1.0)
+        entry = _sector(outer + 2.0, bore - 2.0, at - 1.0, at + width + 1.0, rim - 12.0, rim + 1.0)
         low, high = sorted((at + params["hand"] * params["turn"], at))
-        slot += entry + _sector(outer + 2.0, bore - 2.0, low - 1.0, high + width + 1.0, rim - 12.2, rim - 5.8)
+        slot += entry + _sector(outer + 2.0, bore - 2.0, low - 1.0, high + width + 1.0, rim - 12.0, rim - 6.0)
     product.add("pot", pot - slot)
     cap = kit.cylinder(outer + 4.0, rim, rim + 6.0, segments=FACETS)
-    cap += kit.cylinder(bore - gap - 0.2, rim - 14.0, rim + 1.0, segments=FACETS)
+    cap += kit.cylinder(bore - gap - 0.6, rim - 14.0, rim + 1.0, segments=FACETS)
     cap -= kit.cylinder(bore - 10.0, rim - 15.0, rim - 2.0, segments=FACETS)
     for k in range(count):
         at = 360.0 * k / count + params["hand"] * params["turn"]
@@ -130,23 +131,22 @@ def _board(params: Mapping[str, Any]) -> Product:
     for panel in panels:
         tall = panel["height"]
         name = product.add("panel", kit.box((-width / 2.0, y, 0.0), (width / 2.0, y + tall, thick)))
-        for x in (-0.3 * width, 0.3 * width):
+        for x in (0.0,) if params["single"] else (-0.3 * width, 0.3 * width):
             centre = (x, y + 0.65 * tall)
             below = (x, y + 0.65 * tall - rise)
-            slot = kit.cylinder(2.0 * stud + 0.4, -1.0, thick + 1.0, segments=16).translate((*below, 0.0))
-            slot += _groove(below, centre, stud + gap, -1.0, thick + 1.0)
-            slot += _groove(below, centre, 2.0 * stud + 0.4, thick - 2.5, thick + 1.0)
+            slot = _bar(below, below, 2.0 * stud + 0.4, -1.0, thick + 1.0)
+            slot += _bar(below, centre, stud + gap, -1.0, thick + 1.0)
+            slot += _bar(below, centre, 2.0 * stud + 0.4, thick - 2.5, thick + 1.0)
             product.cut([name], slot)
-            solid = kit.cylinder(stud, -8.0, thick - 2.4, segments=16)
-            solid += kit.cylinder(2.0 * stud, thick - 2.5, thick + 2.0, segments=16)
-            solid = solid.translate((*centre, 0.0))
+            solid = _bar(centre, centre, stud, -8.0, thick - 2.4)
+            solid += _bar(centre, centre, 2.0 * stud, thick - 2.5, thick + 2.0)
             if params["studs"] == "part":
-                product.cut([board], kit.cylinder(stud, -8.0, 1.0, segments=16).translate((*centre, 0.0)))
+                product.cut([board], _bar(centre, centre, stud, -8.0, 1.0))
                 product.add("stud", solid)
             else:
                 product.join(board, solid)
         if panel["lock"] != "none":
-            tilt, foot = math.radians(panel["tilt"]), (0.0, y + 0.3 * tall)
+            tilt, foot = math.radians(panel["tilt"]), (0.15 * width, y + 0.25 * tall)
             axis = (math.sin(tilt), 0.0, math.cos(tilt))
             origin = (foot[0] + 2.0 * math.tan(tilt), foot[1], thick + 2.0)
             if panel["lock"] == "pin":
@@ -167,15 +167,15 @@ def _board(params: Mapping[str, Any]) -> Product:
     return product
 
 
-def _groove(start: tuple[float, float], end: tuple[float, float], width: float, low: float, high: float) -> Manifold:
-    """Return a slot with round ends from one point to another."""
-    ends = [kit.cylinder(width, low, high, segments=16).translate((*point, 0.0)) for point in (start, end)]
-    return Manifold.batch_hull(ends)
+def _bar(start: tuple[float, float], end: tuple[float, float], width: float, low: float, high: float) -> Manifold:
+    """Return a square bar, or the slot that it leaves on its way from one point to another along y."""
+    (x, y), (_, top) = start, end
+    return kit.box((x - width / 2.0, y - width / 2.0, low), (x + width / 2.0, top + width / 2.0, high))
 
 
 FAMILY = Family(
     name="bayonet_cap",
-    version=1,
+    version=2,
     summary="a cap that turns out of L slots above a stack; panels that slide out of keyholes only when none is above",
     draw=draw,
     build=build,

@@ -133,7 +133,7 @@ def _idler(product: Product, params: Mapping[str, Any], x: float, low: float) ->
 
 FAMILY = Family(
     name="belt_tensioner",
-    version=1,
+    version=2,
     summary="pulleys under clips from the side; the slider leaves its T-slot only past adjuster, end plate and locks",
     draw=draw,
     build=build,

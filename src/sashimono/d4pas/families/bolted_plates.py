@@ -82,7 +82,7 @@ def build(params: Mapping[str, Any]) -> Product:
 
 FAMILY = Family(
     name="bolted_plates",
-    version=1,
+    version=2,
     summary="plates under bolts from either side: a bolt put in early shuts out the plates below its head",
     draw=draw,
     build=build,

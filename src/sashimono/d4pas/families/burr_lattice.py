@@ -140,7 +140,7 @@ def build(params: Mapping[str, Any]) -> Product:
     product = _cube(params) if params["kind"] == "cube" else _weave(params)
     # a slanted peg may cut a crumb off a corner
     product.solids = {name: max(s.decompose(), key=Manifold.volume) for name, s in product.solids.items()}
-    return kit.tidy(product)
+    return product
 
 
 def _cube(params: Mapping[str, Any]) -> Product:
@@ -158,8 +158,12 @@ def _weave(params: Mapping[str, Any]) -> Product:
     rows, columns, angle = len(over), len(over[0]), params["angle"]
     stretch = 1.0 / math.sin(math.radians(angle))
 
+    def reach(count: int, crossed: int) -> float:
+        span = (crossed - 1 + (count - 1) * math.cos(math.radians(angle))) / 2.0 * pitch
+        return (span + params["overhang"] * width) * stretch + 0.4 * width
+
     def beam(index: int, count: int, crossed: int, turn: float, wider: float = 0.0) -> Manifold:
-        half = ((crossed - 1) / 2.0 * pitch + params["overhang"] * width) * stretch + width
+        half = reach(count, crossed) + 0.6 * width
         middle, thick = (index - (count - 1) / 2.0) * pitch, width / 2.0 + wider
         return kit.box((-half, middle - thick, 0.0), (half, middle + thick, height)).rotate((0.0, 0.0, turn))
 
@@ -178,7 +182,7 @@ def _weave(params: Mapping[str, Any]) -> Product:
     slant = np.array([[1.0, 0.0, params["shear"][0], 0.0], [0.0, 1.0, params["shear"][1], 0.0], [0.0, 0.0, 1.0, 0.0]])
     product.solids = {name: solid.transform(slant) for name, solid in product.solids.items()}
     if any(params["shear"]):
-        end = ((columns - 1) / 2.0 * pitch + params["overhang"] * width) * stretch + 0.4 * width
+        end = reach(rows, columns)
         for i, name in enumerate(row_names):
             hole = kit.cylinder(0.55 * width, -2.0 * height, 4.0 * height, segments=12)
             for x in (-end, end):
@@ -189,18 +193,18 @@ def _weave(params: Mapping[str, Any]) -> Product:
         x = (y * math.cos(math.radians(angle)) - (j - (columns - 1) / 2.0) * pitch) * stretch
         middle = (x + params["shear"][0] * height / 2.0, y + params["shear"][1] * height / 2.0, height / 2.0)
         axis = (math.sin(math.radians(tilt)), 0.0, math.cos(math.radians(tilt)))
-        size, reach = 0.45 * width, 0.5 * height / axis[2] + width
+        size, length = 0.45 * width, 0.5 * height / axis[2] + width
         product.cut(
             [row_names[i], column_names[j]],
-            kit.place(kit.cylinder(size, -reach - 1.0, reach + 1.0, segments=12), middle, axis),
+            kit.place(kit.cylinder(size, -length - 1.0, length + 1.0, segments=12), middle, axis),
         )
-        product.add("peg", kit.place(kit.cylinder(size, -0.7 * reach, 0.7 * reach, segments=12), middle, axis))
+        product.add("peg", kit.place(kit.cylinder(size, -0.7 * length, 0.7 * length, segments=12), middle, axis))
     return product
 
 
 FAMILY = Family(
     name="burr_lattice",
-    version=1,
+    version=2,
     summary="woven beams that leave up or down a slant, pegged at crossings; cubes of cells with several legs",
     draw=draw,
     build=build,

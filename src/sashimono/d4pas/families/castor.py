@@ -169,7 +169,7 @@ def _king_pin(product: Product, params: Mapping[str, Any], crown: float) -> None
 
 FAMILY = Family(
     name="castor",
-    version=1,
+    version=2,
     summary="a keeper on the axle holds the wheel: the king pin's nut under the crown comes before the wheel",
     draw=draw,
     build=build,

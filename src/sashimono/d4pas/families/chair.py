@@ -60,7 +60,7 @@ def build(params: Mapping[str, Any]) -> Product:
     _ties(product, params, axes)
     if params["back"]:
         _back(product, params)
-    return kit.tidy(product)
+    return product
 
 
 def _leg(product: Product, params: Mapping[str, Any], foot: kit.Vector, axis: kit.Vector, joint: str) -> None:
@@ -171,7 +171,7 @@ def _name(noun: str, index: int) -> str:
 
 FAMILY = Family(
     name="chair",
-    version=1,
+    version=2,
     summary="splayed legs held by stretchers that slide out through a leg; slats caught between seat and crest",
     draw=draw,
     build=build,

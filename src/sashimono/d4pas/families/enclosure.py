@@ -81,7 +81,7 @@ def build(params: Mapping[str, Any]) -> Product:
     for k in range(params["knobs"]):
         _control(product, params, case, (k - 0.5 * (params["knobs"] - 1)) * 26.0, params["knob_turns"][k])
     _locks(product, params, case, lid, posts)
-    return kit.tidy(product)
+    return product
 
 
 def _locks(product: Product, params: Mapping[str, Any], case: str, lid: str, posts: list[tuple[float, float]]) -> None:
@@ -203,7 +203,7 @@ def _control(product: Product, params: Mapping[str, Any], case: str, x: float, t
 
 FAMILY = Family(
     name="enclosure",
-    version=1,
+    version=2,
     summary="a board under the lid with a chip, its sink or an oblique card; pins under the lid hold oblique controls",
     draw=draw,
     build=build,

@@ -152,7 +152,7 @@ def _add_bolts(
 
 FAMILY = Family(
     name="flanged_pipe",
-    version=1,
+    version=2,
     summary="pipe joints on oblique arms: loose rings behind collars, sunk inserts, cross pins, shouldered studs",
     draw=draw,
     build=build,

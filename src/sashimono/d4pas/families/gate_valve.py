@@ -20,18 +20,16 @@ _SKIRT = 12.0
 def draw(rng: np.random.Generator) -> dict[str, Any]:
     """Return the parameters of one valve."""
     pick = kit.Draw(rng)
-    head = pick.choice(("tee", "tee", "plain"))
     return {
         "bore": pick.length(10.0, 15.0),
         "lean": pick.choice((90.0, 75.0, 68.0, 60.0)),
         "wedge": pick.length(12.0, 15.0),
         "stem": pick.length(6.0, 8.0),
-        "head": head,
         "fit": pick.choice(("H9/d9", "H8/f7", "exact")),
         "screws": pick.some((20.0, 65.0, 115.0, 160.0, 200.0, 245.0, 295.0, 340.0), pick.count(1, 3)),
         "packings": pick.count(0, 3),
         "gland": pick.choice(("bolted", "loose")),
-        "wheel": "pin" if head == "plain" else pick.choice(("pin", "clip")),
+        "wheel": pick.choice(("pin", "clip")),
         "wheel_angle": pick.length(0.0, 180.0, 1.0),
         "lobes": pick.count(2, 5),
         "seats": [
@@ -92,18 +90,15 @@ def _add_seat(product: Product, params: Mapping[str, Any], seat: Mapping[str, An
 
 
 def _add_stem(product: Product, params: Mapping[str, Any], floor: float, peak: float) -> None:
-    """Add the wedge and the stem, whose head slides into the wedge from the side or drops into it."""
+    """Add the wedge and the stem, whose head slides into the wedge from the side."""
     w, ds, width = params["wedge"], params["stem"], params["bore"] + 8.0
     wedge = kit.box((-w / 2.0, -width / 2.0, floor), (w / 2.0, width / 2.0, peak))
     wedge -= kit.box((-w, -width, floor - 1.0), (w, -width / 2.0 + 3.0, floor + 4.0))
     long = _length(params, peak)
     stem = kit.cylinder(ds, peak - 11.0, long - 16.0) + kit.cylinder(ds - 2.0, peak - 11.0, long)
-    if params["head"] == "tee":
-        stem += kit.cylinder(ds + 4.0, peak - 11.0, peak - 6.0)
-        slot = kit.box((-w, -ds / 2.0 - 2.2, peak - 11.0), (w, ds / 2.0 + 2.2, peak - 5.8))
-        slot += kit.box((-w, -ds / 2.0 - 0.1, peak - 8.0), (w, ds / 2.0 + 0.1, peak + 1.0))
-    else:
-        slot = kit.cylinder(ds, peak - 11.0, peak + 1.0)
+    stem += kit.cylinder(ds + 4.0, peak - 11.0, peak - 6.0)
+    slot = kit.box((-w, -ds / 2.0 - 2.2, peak - 11.0), (w, ds / 2.0 + 2.2, peak - 5.8))
+    slot += kit.box((-w, -ds / 2.0 - 0.1, peak - 8.0), (w, ds / 2.0 + 0.1, peak + 1.0))
     product.add("wedge", wedge - slot)
     product.add("stem", stem)
 
@@ -187,7 +182,7 @@ def _add_wheel(product: Product, params: Mapping[str, Any], end: float) -> None:
 
 FAMILY = Family(
     name="gate_valve",
-    version=1,
+    version=2,
     summary="a wedge and a T-headed stem that part sideways once the bonnet is off; seats locked along an oblique pipe",
     draw=draw,
     build=build,

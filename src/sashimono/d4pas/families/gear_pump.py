@@ -26,7 +26,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "module": pick.choice((3.0, 3.5)),
         "shaft": pick.length(9.0, 11.0),
         "fit": pick.choice(("H9/d9", "H8/f7", "exact")),
-        "key": pick.chance(0.35),
+        "key": pick.chance(0.25),
         "screws": pick.count(2, 3),
         "dowel": pick.chance(0.7),
         "seal": pick.chance(0.7),
@@ -112,13 +112,13 @@ def _add_gears(product: Product, params: Mapping[str, Any], far: float) -> None:
         product.cut(["cover"], kit.cylinder(ds + 8.0, lid - 5.0, lid + 1.0).translate((far, 0.0, 0.0)))
         product.add("seal", kit.tube(ds + 8.0, ds + gap, lid - 5.0, lid).translate((far, 0.0, 0.0)))
     if params["hub"] != "none":
-        hub = kit.cylinder(ds + 16.0, base, base + 16.0) - kit.cylinder(ds + gap, 0.0, 99.0)
+        hub = kit.cylinder(ds + 16.0, base, base + 18.0) - kit.cylinder(ds + gap, 0.0, 99.0)
         hub_name = product.add("hub", hub.translate((far, 0.0, 0.0)))
-        angle, at = math.radians(params["hub_angle"]), (far, 0.0, base + 8.0)
+        angle, at = math.radians(params["hub_angle"]), (far, 0.0, base + 11.0)
         axis, start = (math.cos(angle), math.sin(angle), 0.0), 1.0 if params["hub"] == "screw" else -ds / 2.0 - 7.0
         low = 1.0 if params["hub"] == "screw" else -99.0
         product.cut(["shaft", hub_name], kit.place(kit.cylinder(5.0, low, 99.0, segments=16), at, axis))
-        pin = kit.cylinder(5.0, start, ds / 2.0 + 12.0, segments=16)
+        pin = kit.cylinder(5.0, start, ds / 2.0 + 8.5, segments=16)
         product.add("pin" if params["hub"] == "pin" else "set_screw", kit.place(pin, at, axis))
 
 
@@ -147,7 +147,7 @@ def _add_port(product: Product, params: Mapping[str, Any], port: Mapping[str, An
 
 FAMILY = Family(
     name="gear_pump",
-    version=1,
+    version=2,
     summary="gears, keys and dowels under a cover that also hides the pins of oblique fittings and relief valves",
     draw=draw,
     build=build,

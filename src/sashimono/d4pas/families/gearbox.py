@@ -35,7 +35,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "dowels": pick.count(0, 2),
         "sensor": pick.chance(0.6),
         "azimuth": pick.choice((-20.0, -12.0, 12.0, 20.0)),
-        "coupling": pick.chance(0.6),
+        "coupling": pick.chance(0.4),
         "angle": pick.choice((25.0, 40.0, 65.0, 110.0)),
         "fit": pick.choice(("H8/f7", "H7/g6", "H7/h6", "exact")),
     }
@@ -45,7 +45,8 @@ def build(params: Mapping[str, Any]) -> Product:
     """Return the gearbox: shafts along z, the case's floor up to z = 0, the wheels' levels above it."""
     product, face, stages = Product(), params["face"], params["stages"]
     wheels, pinions = list(params["wheels"]), params["pinions"]
-    if stages == 2:  # the last wheel's shaft stands clear of the first wheel
+    if stages == 2:  # each shaft stands clear of the others' gears, but for wheels above wheels
+        wheels[0] = max(wheels[0], 13)
         wheels[1] = max(wheels[1], wheels[0] + 8 - pinions[1])
     places, phases = _places(params, wheels)
     levels = [5.0 + (face + 3.0) * (stages - 1 - k) for k in range(stages)]
@@ -61,10 +62,10 @@ def build(params: Mapping[str, Any]) -> Product:
         _sensor(product, params, places[1], reach[1], levels[0] + face, low[1])
     if params["coupling"]:
         z, j = height + 12.0 + params["bearing"] + 6.0, params["journal"] / 2.0
-        solid = kit.cylinder(2.0 * j + 16.0, z, z + 14.0) - kit.cylinder(2.0 * j, z - 1.0, z + 20.0)
+        solid = kit.cylinder(2.0 * j + 9.0, z, z + 14.0) - kit.cylinder(2.0 * j, z - 1.0, z + 20.0)
         screw, room = (
             kit.place(kit.cylinder(6.0 + d, 0.2 * j, top, segments=12), (0.0, 0.0, z + 7.0), (1.0, 0.0, 0.0))
-            for d, top in ((0.0, j + 8.0), (0.06, j + 30.0))
+            for d, top in ((0.0, j + 6.0), (0.06, j + 30.0))
         )
         product.add("coupling", solid)
         product.cut(("coupling", "shaft"), room.rotate((0.0, 0.0, params["angle"])))

@@ -65,7 +65,7 @@ def build(params: Mapping[str, Any]) -> Product:
     _pin(product, params, height)
     for side in range(2):
         _screws(product, params, leaves[side], side, height)
-    return kit.tidy(product)
+    return product
 
 
 def _pin(product: Product, params: Mapping[str, Any], height: float) -> None:
@@ -145,7 +145,7 @@ def _screws(product: Product, params: Mapping[str, Any], leaf: str, side: int, h
 
 FAMILY = Family(
     name="hinge",
-    version=1,
+    version=2,
     summary="interlaced knuckles on a pin behind cross-pinned caps or clips; covers over the leaves' screws",
     draw=draw,
     build=build,

@@ -30,7 +30,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
                 "seal": pick.chance(0.6),
                 "nut": pick.chance(0.7),
                 "hose": pick.choice(("hose", "cap", "none"), (3, 2, 1)),
-                "clamp": pick.chance(0.4),
+                "clamp": count < 5 and pick.chance(0.4),
                 "length": pick.length(26.0, 34.0),
             }
             for k in range(count)
@@ -86,6 +86,17 @@ def _add_port(product: Product, params: Mapping[str, Any], port: Mapping[str, An
         if port["held"] == "cross":
             product.cut([name], kit.place(hole, base, (0.0, 0.0, sign)))
         product.add("pin", kit.place(pin, base, (0.0, 0.0, sign)))
+    _add_end(product, params, port, (name, end, axis))
+
+
+def _add_end(product: Product, params: Mapping[str, Any], port: Mapping[str, Any], where: Any) -> None:
+    """Add what is on a tail outside: nut, and hose with clamp, or cap with set screw."""
+    (name, end, axis), tail = where, params["tail"]
+    gap = clearance(tail, params["fit"])
+
+    def at(solid: Manifold) -> Manifold:
+        return kit.place(solid, end, axis)
+
     z = 4.0
     if port["nut"]:
         product.add("nut", at(kit.hexagon(tail + 8.0, z, z + 7.0) - kit.cylinder(tail + gap, 0.0, 99.0)))
@@ -116,7 +127,7 @@ def _add_port(product: Product, params: Mapping[str, Any], port: Mapping[str, An
 
 FAMILY = Family(
     name="hose_union",
-    version=1,
+    version=2,
     summary="tails in oblique ports behind pins across their grooves; nuts shut in by hoses",
     draw=draw,
     build=build,

@@ -34,7 +34,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "neck": pick.length(9.0, 13.0),
         "fit": pick.choice(("H8/f7", "H7/g6", "exact")),
         "carriages": carriages,
-        "stops": [pick.choice(("plate", "pin", "none"), (4, 2, 2)) for _ in range(2)],
+        "stops": [pick.choice(("plate", "pin", "none"), (2, 4, 2)) for _ in range(2)],
         "stop_tilt": pick.choice((0.0, 12.0, 25.0), (3, 1, 1)),
         "plate": pick.choice(("none", "each", "all"), (1, 1, 2)),
         "overhang": pick.choice((0.0, 14.0)),
@@ -60,7 +60,7 @@ def build(params: Mapping[str, Any]) -> Product:
         x += carriage["length"]
     _plates(product, params, names)
     _wedge(product, params, length)
-    return kit.tidy(product)
+    return product
 
 
 def _rail(kind: str, neck: float, wider: float) -> Outline:
@@ -160,7 +160,7 @@ def _wedge(product: Product, params: Mapping[str, Any], length: float) -> None:
 
 FAMILY = Family(
     name="linear_slide",
-    version=1,
+    version=2,
     summary="carriages that leave past their neighbours and stops; gibs held by slanted screws; screws under carriages",
     draw=draw,
     build=build,

@@ -72,7 +72,7 @@ def build(params: Mapping[str, Any]) -> Product:
                 place = (x, 0.0, margin + row * pitch)
                 modules[column].append(_module(product, params, bay, place, 2 * column - 1, reach))
     _locks(product, params, modules, (half, height))
-    return kit.tidy(product)
+    return product
 
 
 def _module(

@@ -185,7 +185,7 @@ def _box(product: Product, params: Mapping[str, Any], s: Sizes) -> None:
 
 FAMILY = Family(
     name="motor",
-    version=1,
+    version=2,
     summary="rotor, key and bearings shut in by end bells; brushes and grub screws at odd angles hold what looks free",
     draw=draw,
     build=build,

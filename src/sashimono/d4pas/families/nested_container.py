@@ -61,7 +61,7 @@ def build(params: Mapping[str, Any]) -> Product:
     product = Product()
     for name, solid in _box(params["root"], params["fit"])[0]:
         product.add(name, solid)
-    return kit.tidy(product)
+    return product
 
 
 def _item(node: Mapping[str, Any]) -> tuple[Pieces, tuple[float, float, float]]:
@@ -177,7 +177,7 @@ def _lid(
 
 FAMILY = Family(
     name="nested_container",
-    version=1,
+    version=2,
     summary="boxes in boxes that open up, down and sideways; their flush pins come out only outside the next box",
     draw=draw,
     build=build,

@@ -120,7 +120,7 @@ def _shaft(product: Product, params: Mapping[str, Any], side: float) -> None:
 
 FAMILY = Family(
     name="pillow_block",
-    version=1,
+    version=2,
     summary="base and cap part at a leaning plane; bearing and shaft are held by collars whose screws point anywhere",
     draw=draw,
     build=build,

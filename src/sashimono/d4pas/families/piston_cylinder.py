@@ -24,7 +24,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
     pick = kit.Draw(rng)
     layout = pick.choice(((0.0, 63.0), (0.0, 90.0), (0.0, 120.0, 240.0), (0.0, 77.0, 180.0), (0.0, 180.0), (0.0,)))
     return {
-        "angles": [round(angle + pick.length(-8.0, 8.0, 1.0), 3) for angle in layout],
+        "angles": [round(angle + pick.length(-5.0, 5.0, 1.0), 3) for angle in layout],
         "bore": pick.length(22.0, 25.0),
         "crank": pick.length(8.0, 10.0),
         "fit": pick.choice(("H9/d9", "H8/f7", "exact")),
@@ -34,7 +34,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "cylinders": [
             {
                 "ring": pick.chance(0.5),
-                "pin": pick.choice((0.0, 180.0)) + pick.length(-30.0, 30.0, 1.0),
+                "pin": pick.choice((0.0, 180.0)) + pick.length(-22.0, 22.0, 1.0),
                 "pipe": pick.choice((0.0, 14.0)),
             }
             for _ in layout
@@ -125,7 +125,7 @@ def _add_crank(product: Product, params: Mapping[str, Any], where: tuple[float, 
 
 FAMILY = Family(
     name="piston_cylinder",
-    version=1,
+    version=2,
     summary="pistons at odd angles on one crank: rods leave in their order, once cover, crank and wrist pins are gone",
     draw=draw,
     build=build,

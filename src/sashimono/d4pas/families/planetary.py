@@ -29,7 +29,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
         "ring": pick.length(7.0, 10.0),
         "grubs": pick.count(1, 2),
         "clip": pick.choice((15.0, 30.0, 60.0, 105.0, 150.0)),
-        "locked": pick.chance(0.85),
+        "locked": pick.chance(0.93),
         "cover": pick.chance(0.5),
         "screws": pick.count(2, 3),
         "fit": pick.choice(("H8/f7", "H7/g6", "H7/h6", "exact")),
@@ -133,7 +133,7 @@ def _gears(product: Product, params: Mapping[str, Any], z: tuple[float, float]) 
 def _cover(product: Product, params: Mapping[str, Any], wide: float, height: float) -> None:
     """Add the cover: a cup over the upper plate, under radial screws into the housing."""
     top, hollow = height + params["plate"] + 3.0, wide - 2.0 * params["wall"] - 2.0 * params["ring"] + 2.0
-    cover = kit.cylinder(wide + 18.0, height - 14.0, top + 8.0, segments=32)
+    cover = kit.cylinder(wide + 26.0, height - 14.0, top + 8.0, segments=32)
     cover -= kit.cylinder(wide, height - 20.0, height, segments=32)
     cover -= kit.cylinder(hollow, height - 1.0, top, segments=32)
     cover -= kit.cylinder(5.4 * params["module"], top - 1.0, top + 20.0)
@@ -141,10 +141,10 @@ def _cover(product: Product, params: Mapping[str, Any], wide: float, height: flo
     reach = wide / 2.0 - params["wall"] + 1.0
     for k in range(params["screws"]):
         angle = params["phase"] + 47.0 + 360.0 * k / params["screws"]
-        room = _radial(kit.cylinder(6.06, reach, wide, segments=12), 0.0, angle, height - 5.0)
+        room = _radial(kit.cylinder(7.06, reach, wide, segments=12), 0.0, angle, height - 6.0)
         product.cut(("cover", "housing"), room)
-        screw = kit.cylinder(6.0, reach, wide / 2.0 + 12.0, segments=12)
-        product.add("screw", _radial(screw, 0.0, angle, height - 5.0))
+        screw = kit.cylinder(7.0, reach, wide / 2.0 + 16.0, segments=12)
+        product.add("screw", _radial(screw, 0.0, angle, height - 6.0))
 
 
 FAMILY = Family(

@@ -25,7 +25,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
                 "kind": pick.choice(("sleeve", "jaw", "split"), (3, 3, 2)),
                 "angles": [pick.length(0.0, 180.0, 1.0) for _ in range(2)],
                 "tilts": [pick.choice((90.0, 90.0, 75.0, 65.0)) for _ in range(2)],
-                "keys": [pick.chance(0.3) for _ in range(2)],
+                "keys": [pick.chance(0.3), False],
                 "held": [pick.choice(("pin", "pin", "screw")) for _ in range(2)],
                 "bolts": pick.choice((1, 2)),
                 "stop": pick.chance(0.5),
@@ -153,8 +153,8 @@ def _add_shells(product: Product, params: Mapping[str, Any], coupling: Mapping[s
 
 FAMILY = Family(
     name="shaft_coupling",
-    version=1,
-    summary="shafts in a row under cross pins and set screws at odd angles; keys and collars shut in by hubs",
+    version=2,
+    summary="shafts in a row, cross pins and set screws at odd angles; keys and collars shut in by hubs and shells",
     draw=draw,
     build=build,
 )

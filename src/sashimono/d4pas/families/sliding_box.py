@@ -64,7 +64,7 @@ def build(params: Mapping[str, Any]) -> Product:
         product.add("rod", rod)
     _contents(product, params, z, top)
     _lid(product, params, top)
-    return kit.tidy(product)
+    return product
 
 
 def _drawer(product: Product, params: Mapping[str, Any], level: float, drawer: Mapping[str, Any]) -> None:
@@ -163,7 +163,7 @@ def _bar(product: Product, params: Mapping[str, Any], top: float, bar: Mapping[s
 
 FAMILY = Family(
     name="sliding_box",
-    version=1,
+    version=2,
     summary="a lid in grooves behind bars behind slanted pins; drawers behind a rod under the lid; what lies inside",
     draw=draw,
     build=build,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,7 +21,7 @@ def draw(rng: np.random.Generator) -> dict[str, Any]:
     pick = kit.Draw(rng)
     first = pick.choice(ENDS)
     return {
-        "mandrel": pick.choice((0.0, 16.0, 20.0)),
+        "mandrel": pick.choice((0.0, 16.0, 20.0), (0.4, 0.3, 0.3)),
         "bore": pick.length(12.0, 18.0, 1.0),
         "wall": pick.length(5.0, 7.0),
         "barrel": pick.length(5.0, 8.0),
@@ -85,7 +86,8 @@ def _end(
         product.join(locked[0], sided(flange))
         return
     name = product.add("flange", sided(flange))
-    inner = tube / 2.0 - params["wall"] + 0.5 if len(locked) == 1 else 0.5 * params["mandrel"] - 2.5
+    apart = 0.55 * size / math.tan(math.radians(params["spacing"]) / 2.0)
+    inner = tube / 2.0 - params["wall"] + 0.5 if len(locked) == 1 else max(apart, 0.2 * params["mandrel"])
     tilt = params["tilt"] if kind == "pinned" else 0.0
     for k in range(params["pins"][side]):
         pin, room = (
@@ -112,7 +114,7 @@ def _end(
 
 FAMILY = Family(
     name="spool",
-    version=1,
+    version=2,
     summary="coils leave over the end whose flange is off; radial and slanted pins, some under a cup, hold the flanges",
     draw=draw,
     build=build,

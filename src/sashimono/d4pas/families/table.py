@@ -71,7 +71,7 @@ def build(params: Mapping[str, Any]) -> Product:
     _top(product, params)
     if params["drawer"]:
         _drawer(product, params)
-    return kit.tidy(product)
+    return product
 
 
 def _leg(

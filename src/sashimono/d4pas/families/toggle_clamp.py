@@ -77,7 +77,7 @@ def build(params: Mapping[str, Any]) -> Product:
     if params["spindle"]:
         _spindle(product, params, arms, tip)
     _bolts(product, params, names["base"], ground)
-    return kit.tidy(product)
+    return product
 
 
 def _point(params: Mapping[str, Any], name: str) -> Point:

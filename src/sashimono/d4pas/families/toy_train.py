@@ -54,7 +54,7 @@ def build(params: Mapping[str, Any]) -> Product:
     _engine(product, params, engine)
     if params["wagon"]:
         _wagon(product, params, engine)
-    return kit.tidy(product)
+    return product
 
 
 def _axles(

@@ -61,7 +61,7 @@ def build(params: Mapping[str, Any]) -> Product:
     feet = [(root * math.cos(a), root * math.sin(a), 0.0) for a in (2.0 * math.pi * k / count for k in range(count))]
     axes = [_frame(2.0 * math.pi * k / count, splay) for k in range(count)]
     for origin, (axis, _, _) in zip(feet, axes, strict=True):
-        hub += kit.place(kit.cylinder(leg + 2.0 * BOSS_WALL, -4.0, boss, segments=FACETS), origin, axis)
+        hub += kit.place(kit.cylinder(leg + 2.0 * BOSS_WALL, -4.0, boss, segments=FACETS), origin, axis.tolist())
     hub -= kit.cylinder(column + gap, -200.0, top + 1.0, segments=FACETS)
     product.add("hub", hub)
     _column(product, params, top, neck)
@@ -72,7 +72,7 @@ def build(params: Mapping[str, Any]) -> Product:
         product.add("spreader", disc)
     for k, (origin, frame) in enumerate(zip(feet, axes, strict=True)):
         _leg(product, params, k, origin, frame, (boss, length))
-    return kit.tidy(product)
+    return product
 
 
 def _frame(azimuth: float, splay: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -129,8 +129,10 @@ def _lock_column(product: Product, params: Mapping[str, Any], height: float) -> 
     reach = params["column"] / 2.0
     seat = np.array((reach * outwards[0], reach * outwards[1], height)) + 7.0 * np.array(axis)
     length = 7.0 + 0.5 * params["column"]
-    product.cut(["hub", "column"], kit.place(kit.bolt_room(5.0, length + 0.4, clearance=params["slack"]), seat, axis))
-    product.add("screw", kit.place(kit.bolt(5.0, length), seat, axis))
+    product.cut(
+        ["hub", "column"], kit.place(kit.bolt_room(5.0, length + 0.4, clearance=params["slack"]), seat.tolist(), axis)
+    )
+    product.add("screw", kit.place(kit.bolt(5.0, length), seat.tolist(), axis))
 
 
 def _leg(
@@ -144,8 +146,10 @@ def _leg(
     """Add a leg in its socket, what locks it there, and its foot."""
     leg, gap, (boss, length) = params["leg"], clearance(params["leg"], params["fit"]), lengths
     around = ["hub", "spreader"] if params["spreader"] else ["hub"]
-    product.cut(around, kit.place(kit.cylinder(leg + gap, 0.0, length + 1.0, segments=FACETS), origin, frame[0]))
-    name = product.add("leg", kit.place(kit.cylinder(leg, 0.0, length, segments=FACETS), origin, frame[0]))
+    product.cut(
+        around, kit.place(kit.cylinder(leg + gap, 0.0, length + 1.0, segments=FACETS), origin, frame[0].tolist())
+    )
+    name = product.add("leg", kit.place(kit.cylinder(leg, 0.0, length, segments=FACETS), origin, frame[0].tolist()))
     locked = np.array(origin) + 0.6 * boss * frame[0]
     across = _across(frame, params["twist"])
     if params["locks"] == "pin" or (params["locks"] == "mixed" and number % 2):
@@ -155,14 +159,15 @@ def _leg(
         seat = locked + (leg / 2.0 + 3.0) * across
         length_in = 3.0 + 0.5 * leg
         product.cut(
-            ["hub", name], kit.place(kit.bolt_room(size, length_in + 0.4, clearance=params["slack"]), seat, across)
+            ["hub", name],
+            kit.place(kit.bolt_room(size, length_in + 0.4, clearance=params["slack"]), seat.tolist(), across.tolist()),
         )
-        product.add("screw", kit.place(kit.bolt(size, length_in), seat, across))
+        product.add("screw", kit.place(kit.bolt(size, length_in), seat.tolist(), across.tolist()))
     if params["feet"] == "none":
         return
     foot = kit.cylinder(1.4 * leg, length - 1.2 * leg, length + 0.4 * leg, top=1.8 * leg, segments=FACETS)
     foot -= kit.cylinder(leg + gap, length - 1.3 * leg, length, segments=FACETS)
-    foot_name = product.add("foot", kit.place(foot, origin, frame[0]))
+    foot_name = product.add("foot", kit.place(foot, origin, frame[0].tolist()))
     if params["feet"] == "pinned":
         middle = np.array(origin) + (length - 0.6 * leg) * frame[0]
         pose = (middle, _across(frame, params["foot_twist"]))
@@ -171,7 +176,7 @@ def _leg(
 
 FAMILY = Family(
     name="tripod",
-    version=1,
+    version=2,
     summary="splayed legs that leave along their axes once an oblique screw is out; a column that leaves either way",
     draw=draw,
     build=build,

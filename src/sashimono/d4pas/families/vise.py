@@ -61,7 +61,7 @@ def build(params: Mapping[str, Any]) -> Product:
     _bars(product, params, (front, jaw))
     if params["base"] == "swivel":
         _base(product, params, (front + jaw) / 2.0)
-    return kit.tidy(product)
+    return product
 
 
 def _plates(product: Product, params: Mapping[str, Any], faces: tuple[float, float]) -> None:
@@ -169,7 +169,7 @@ def _base(product: Product, params: Mapping[str, Any], middle: float) -> None:
 
 FAMILY = Family(
     name="vise",
-    version=1,
+    version=2,
     summary="knob, handle, lead screw and jaw in a chain; closed jaws hide the screws of their plates",
     draw=draw,
     build=build,

@@ -51,7 +51,7 @@ def build(params: Mapping[str, Any]) -> Product:
     hubs = [product.add("hub", solid)]
     _rim(product, params, hubs, (root, hub_radius), slope)
     _axle(product, params, hubs, half, (cup, flange))
-    return kit.tidy(product)
+    return product
 
 
 def _rim(
@@ -148,7 +148,7 @@ def _axle(
 
 FAMILY = Family(
     name="wheel_hub",
-    version=1,
+    version=2,
     summary="spokes under rim segments under a screwed tyre; the nut's cotter and a cap hold the axle",
     draw=draw,
     build=build,
