@@ -21,13 +21,13 @@ from solids import (
 
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.clauses import minimal
-from sashimono.disassembly.physics import PhysicsConfig
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import DisassemblyResult, SequenceConfig, find_disassembly
-from sashimono.disassembly.subassembly import find_subassembly
-from sashimono.disassembly.translation import TranslationConfig
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.conditions.clauses import minimal
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.sequence.greedy import DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence.subassembly import find_subassembly
+from sashimono.disassembly.translation.search import TranslationConfig
 from sashimono.geometry import se3
 from sashimono.plan import Answer
 

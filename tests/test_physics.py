@@ -11,12 +11,13 @@ from solids import assembly, box, linked_rings, peg_in_plate, rod
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
-from sashimono.disassembly.friction import Contacts, sliding_twist
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import Paths
-from sashimono.disassembly.physics import PhysicsConfig, PhysicsResult, pushes_at, search_physics
-from sashimono.disassembly.simulate import SimulateConfig, simulate
+from sashimono.disassembly.physics.contact_solver import Contacts, sliding_twist
+from sashimono.disassembly.physics.push import SimulateConfig, simulate
+from sashimono.disassembly.physics.search import PhysicsConfig, PhysicsResult, pushes_at, search_physics
+from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.geometry import se3
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.screw import Screw, adjoint, between, march_screw

@@ -9,9 +9,10 @@ from solids import assembly, part, peg_in_plate, rod
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import Paths
-from sashimono.disassembly.unscrew import Threads, UnscrewConfig, search_unscrew
+from sashimono.disassembly.threads.surface import Threads, UnscrewConfig, search_unscrew
 from sashimono.geometry import se3
 from sashimono.geometry.helix import HelixConfig, fit_helix
 from sashimono.geometry.screw import Screw, between

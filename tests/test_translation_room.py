@@ -7,8 +7,8 @@ from manifold3d import Manifold
 from solids import assembly, box
 
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.cspace import Space, SpaceConfig
-from sashimono.disassembly.separate import Cascade, SeparateConfig
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
 from sashimono.plan import Answer
 
 

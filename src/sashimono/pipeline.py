@@ -15,10 +15,10 @@ from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
 from sashimono.contact import ContactConfig, Executability, named_gripper
-from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import REFUSED, Ban, DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
+from sashimono.disassembly.sequence.greedy import REFUSED, Ban, DisassemblyResult, SequenceConfig, find_disassembly
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.mesh import smallest_extent
 from sashimono.motion import MotionConfig

@@ -11,9 +11,9 @@ import numpy as np
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_body, merge_parts
 from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.separate import Separation, names_of
-from sashimono.disassembly.sequence import Ban, Departure, DisassemblyResult
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.separation import Separation, names_of
+from sashimono.disassembly.sequence.greedy import Ban, Departure, DisassemblyResult
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.motion import MotionConfig, MotionResult, plan_motions
 from sashimono.plan import DeclaredHelix, Motion, Step, Subassembly, Table, Unsolved
