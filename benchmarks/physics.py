@@ -29,7 +29,7 @@ from sashimono.contact import ContactConfig, Executability
 from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.physics.search import PhysicsConfig
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.sequence.greedy import DisassemblyResult
+from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
 from sashimono.verify import VerifyConfig

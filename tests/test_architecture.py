@@ -43,11 +43,12 @@ LEVELS = [
 
 ROOMS = {
     "disassembly": [
-        {"masks", "removal"},
+        {"masks", "removal", "refusal"},
+        {"separation"},
         {"blocking"},
         {"paths"},
         {"translation", "threads", "physics"},
-        {"separation"},
+        {"config", "inquiry"},
         {"conditions"},
         {"cascade"},
         {"sequence"},

@@ -14,7 +14,8 @@ from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
 from sashimono.console import summary_lines
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
-from sashimono.disassembly.sequence.greedy import DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence.departures import DisassemblyResult
+from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
 from sashimono.disassembly.threads.declared import DeclareConfig
 from sashimono.geometry import se3
 from sashimono.geometry.screw import Screw, between

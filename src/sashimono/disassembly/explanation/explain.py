@@ -12,9 +12,12 @@ from sashimono.assembly import Overlap, frozen_array
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.conditions.clauses import minimal
 from sashimono.disassembly.explanation.obstruction import Obstruction, ObstructionConfig, find_obstruction
+from sashimono.disassembly.inquiry import Inquiry
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.sequence.greedy import DisassemblyResult, SequenceConfig, find_disassembly
-from sashimono.plan import Answer
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.sequence.departures import DisassemblyResult
+from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
+from sashimono.plan import Answer, MotionClass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +76,8 @@ class Explanation:
     """The parts that it is explained against."""
     answer: Answer
     """Whether it can leave them, by itself."""
+    proven_for: MotionClass | None
+    """The motions that are proven not to exist; given with PROVEN_BLOCKED, and only with it."""
     reason: str
     """In words: how it leaves, or what was tried."""
     exit_direction: Float[np.ndarray, "3"] | None
@@ -89,26 +94,35 @@ class Explanation:
 
 
 def explain_part(
-    cascade: Cascade, part: str, fixed: Sequence[str] | None = None, *, config: ExplainConfig | None = None
+    cascade: Cascade,
+    part: str,
+    fixed: Sequence[str] | None = None,
+    *,
+    config: ExplainConfig | None = None,
+    inquiry: Inquiry | None = None,
 ) -> Explanation:
-    """Return why a part cannot leave the fixed ones (all others if none are named), or that it can.
+    """Return why a part cannot leave the fixed ones, or that it can; all stages are asked.
 
     Directions are those of the blocking relation. Raises KeyError for a name that the assembly has not.
+
+    Args:
+        cascade: What is asked.
+        part: The part's name.
+        fixed: Names of the parts that stay; all others if None.
+        config: How much is said.
+        inquiry: Shares its budget among several explanations; one of its own if None.
     """
-    config = config or ExplainConfig()
+    config, inquiry = config or ExplainConfig(), inquiry or cascade.inquire()
     assembly, table = cascade.assembly, cascade.blocking
     mover = assembly.index(part)
     others = table.all_parts if fixed is None else sum(1 << assembly.index(name) for name in set(fixed))
     others &= ~(1 << mover)
     names = tuple(assembly.names[k] for k in bits(others))
-    found = cascade.single(mover, others | 1 << mover, preference=lambda d: float(d[2]))
-    if found is None:
-        found = cascade.further(mover, others | 1 << mover)
+    found = inquiry.separate(mover, others | 1 << mover)
     if found.removal is not None:
-        way = "one translation" if len(found.removal.displacements) == 2 else "several motions"
         return Explanation(
-            part=part, fixed=names, answer=Answer.FREE, reason=f"leaves by {way}", directions=(), removal_sets=(),
-            exit_direction=found.removal.exit_direction, overlaps=(), easy_change=None,
+            part=part, fixed=names, answer=Answer.FREE, proven_for=None, reason=f"leaves by {_way(found.removal)}",
+            directions=(), removal_sets=(), exit_direction=found.removal.exit_direction, overlaps=(), easy_change=None,
         )  # fmt: skip
     masks = _blockers_by_direction(cascade, mover, others)
     sets = minimal(masks.values())
@@ -118,11 +132,12 @@ def explain_part(
     easy = min(directions, key=lambda d: d.change, default=None)
     if easy is not None and not _is_small(cascade, mover, easy, config):
         easy = None
-    leaving = _leaving_before(cascade, mover, others, sets)
+    leaving = _leaving_before(cascade, inquiry, mover, others, sets)
     return Explanation(
         part=part,
         fixed=names,
         answer=found.answer,
+        proven_for=found.proven_for,
         reason=found.reason,
         exit_direction=None,
         directions=tuple(directions),
@@ -145,8 +160,11 @@ def explain_stuck(
         knots = list(_knots(find_disassembly(cascade, config=SequenceConfig())))
     else:
         knots = [{assembly.index(name) for name in fixed}]
+    inquiry = cascade.inquire()
     found = (
-        explain_part(cascade, assembly.names[part], [assembly.names[k] for k in sorted(knot)], config=config)
+        explain_part(
+            cascade, assembly.names[part], [assembly.names[k] for k in sorted(knot)], config=config, inquiry=inquiry
+        )
         for knot in knots
         for part in sorted(knot)
     )
@@ -191,17 +209,23 @@ def _blockers_by_direction(cascade: Cascade, part: int, others: int) -> dict[int
     return masks
 
 
-def _leaving_before(cascade: Cascade, part: int, others: int, sets: Sequence[int]) -> int:
+def _way(removal: Removal) -> str:
+    if not np.allclose(removal.displacements[:, :3, :3], np.eye(3), atol=1e-6):
+        return "motions that turn it"
+    return "one translation" if len(removal.displacements) == 2 else "several translations"
+
+
+def _leaving_before(cascade: Cascade, inquiry: Inquiry, part: int, others: int, sets: Sequence[int]) -> int:
     """The parts that can leave one at a time while this one stays; by costlier motions only those in ``sets``."""
     remaining, wanted = others | 1 << part, 0
     for mask in sets:
         wanted |= mask
     while wanted & remaining:
         waiting = bits(remaining & ~(1 << part))
-        gone = next((k for k in waiting if cascade.single(k, remaining, preference=lambda _: 0.0)), None)
+        gone = next((k for k in waiting if cascade.directions.along(k, remaining, preference=lambda _: 0.0)), None)
         if gone is None:
             waiting = bits(remaining & wanted)
-            gone = next((k for k in waiting if cascade.further(k, remaining).answer is Answer.FREE), None)
+            gone = next((k for k in waiting if inquiry.separate(k, remaining).answer is Answer.FREE), None)
         if gone is None:
             break
         remaining &= ~(1 << gone)

@@ -10,12 +10,6 @@ import numpy as np
 
 from sashimono.disassembly.explanation.explain import BlockedDirection, Blocker, Explanation
 from sashimono.geometry.directions import direction_name
-from sashimono.plan import Answer
-
-_VERDICTS = {
-    Answer.PROVEN_BLOCKED: "is proven to be blocked",
-    Answer.UNKNOWN: "cannot leave, as far as was found",
-}
 
 _MOST_SETS = 4
 """Sets of parts to remove first that are put into words; JSON has all."""
@@ -25,7 +19,7 @@ def explanation_lines(found: Explanation) -> list[str]:
     """Return the explanation as lines of plain text: the verdict, then what stops the part, then what would help."""
     if found.exit_direction is not None:
         return [f"{found.part} can leave: it {found.reason}, at last along {direction_name(found.exit_direction)}"]
-    lines = [f"{found.part} {_VERDICTS[found.answer]}: {found.reason}"]
+    lines = [f"{found.part} {_verdict(found)}: {found.reason}"]
     for entry in found.directions:
         head = f"  along {direction_name(entry.direction)} it gets {_mm(entry.travel)}"
         lines.append(f"{head}; stopped by {'; '.join(_blocker_words(found.part, b) for b in entry.blockers)}")
@@ -37,6 +31,12 @@ def explanation_lines(found: Explanation) -> list[str]:
     ]
     lines.append(f"  {change_words(found)}")
     return lines
+
+
+def _verdict(found: Explanation) -> str:
+    if found.proven_for is None:
+        return "cannot leave, as far as was found"
+    return f"is proven to be blocked for {found.proven_for}, and no other motion was found"
 
 
 def change_words(found: Explanation) -> str:
@@ -94,8 +94,8 @@ def _mm(length: float) -> str:
 def explanations_as_dict(found: Iterable[Explanation]) -> dict[str, Any]:
     """Return the JSON form: lengths in metres, areas in m², unknown or infinite figures null.
 
-    ``parts``: for each ``part``, ``fixed``, ``answer``, ``reason``, ``exit_direction`` or null, ``directions``
-    (``direction``, ``travel``, ``change``, and ``blockers`` with ``part``, ``travel``, ``depth``,
+    ``parts``: for each ``part``, ``fixed``, ``answer``, ``proven_for`` or null, ``reason``, ``exit_direction`` or
+    null, ``directions`` (``direction``, ``travel``, ``change``, and ``blockers`` with ``part``, ``travel``, ``depth``,
     ``area``, ``lateral_part``, ``lateral_blocker``, ``faces_part``, ``faces_blocker``: indices of triangles),
     ``removal_sets``, ``overlaps``, ``change`` in words, and all of it as ``text``.
     """
@@ -107,6 +107,7 @@ def _as_dict(found: Explanation) -> dict[str, Any]:
         "part": found.part,
         "fixed": list(found.fixed),
         "answer": str(found.answer),
+        "proven_for": None if found.proven_for is None else str(found.proven_for),
         "reason": found.reason,
         "exit_direction": None if found.exit_direction is None else found.exit_direction.tolist(),
         "directions": [_direction_as_dict(entry) for entry in found.directions],

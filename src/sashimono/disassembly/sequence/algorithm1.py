@@ -31,7 +31,7 @@ from sashimono.disassembly.physics.push import Simulated, simulate
 from sashimono.disassembly.physics.search import PhysicsConfig, pushes_at
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
-from sashimono.disassembly.sequence.greedy import Departure, DisassemblyResult
+from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.plan import Answer
 
 IsExecutable = Callable[[int, int, Removal], bool]

@@ -8,22 +8,21 @@ a subassembly leaves as one body, and is taken apart by itself: the result is a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.disassembly.blocking.groups import find_subassembly
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.separation import Separation
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.separation import UNASKED, Separation, Stage
+from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.disassembly.sequence.reasons import VerdictConfig, worded
-from sashimono.disassembly.sequence.subassembly import find_subassembly
 from sashimono.plan import Answer
-
-Ban = tuple[int, int]
-"""Parts that leave together (a mask) and a signed direction that later levels refused; -1: any motion that is not
-one of them; -2 - s: a declared thread along s, but not the straight pull."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,57 +43,12 @@ class SequenceConfig:
     """How what holds the parts that stay is put into words."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Departure:
-    """One part, or several that move as one body, leaving those that remain."""
-
-    part: int
-    """The part, or the one of them that stays when they are taken apart; its name stands for all."""
-    members: int
-    """Mask of all that move."""
-    separation: Separation
-    """With the witness."""
-    inside: DisassemblyResult | None = None
-    """How a subassembly comes apart by itself; None for a single part."""
-
-    @property
-    def ban(self) -> Ban:
-        """What is to be refused if this departure does not hold."""
-        return (self.members, -1 if self.separation.signed is None else self.separation.signed)
-
-    @property
-    def path_ban(self) -> Ban:
-        """What is to be refused if its path does not hold: of a declared thread the turn, but not the straight pull."""
-        if self.separation.declared is None or self.separation.signed is None:
-            return self.ban
-        return (self.members, -2 - self.separation.signed)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DisassemblyResult:
-    """How far the parts came apart."""
-
-    base: int
-    """The part that stays."""
-    removals: tuple[Departure, ...]
-    """What leaves, in order."""
-    stuck: tuple[tuple[int, Separation], ...]
-    """Parts that could not leave, the base and what is inside subassemblies aside, each with what is known."""
-
-    def departures(self) -> Iterator[Departure]:
-        """Yield every departure, those inside subassemblies included."""
-        for departure in self.removals:
-            yield departure
-            if departure.inside is not None:
-                yield from departure.inside.departures()
-
-
 def find_disassembly(
     cascade: Cascade,
     *,
     config: SequenceConfig,
     start: int | None = None,
-    banned: frozenset[Ban] = frozenset(),
+    refused: frozenset[Refusal] = frozenset(),
     proposed: Sequence[int] = (),
     progress: Callable[[int], None] = lambda removed: None,
 ) -> DisassemblyResult:
@@ -104,50 +58,33 @@ def find_disassembly(
         cascade: What is asked whether a part can leave.
         config: Taste.
         start: Mask of the parts that are there; all if None.
-        banned: Departures that are not to be taken.
+        refused: Ways out that are not to be taken.
         proposed: Parts in the order in which they may leave, the base last, from elsewhere (a network). The first of
             them that remains is asked before all others; where it cannot leave, taste decides as ever.
         progress: Called with the number of parts that have left so far.
     """
-    return _disassemble(
-        _Chooser(cascade, config, banned, proposed), cascade.blocking.all_parts if start is None else start, progress
-    )
+    chooser = _Chooser(cascade, config, refused, proposed)
+    return _disassemble(chooser, cascade.blocking.all_parts if start is None else start, progress)
 
 
 def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None]) -> DisassemblyResult:
     remaining = start
     protected = chooser.base_among(remaining)
     removals: list[Departure] = []
-    stuck: list[tuple[int, Separation]] = []
+    said: Mapping[int, Separation] = {}
     last: Float[np.ndarray, "3"] | None = None
     while remaining & (remaining - 1):
-        choice = chooser.next_proposed(remaining, protected, last)
-        if choice is None:
-            choice = chooser.next_single(remaining, protected, last)
-        if choice is None and chooser.single_free(protected, remaining):
-            # the base itself can go: keep another one instead, the best of those that are left
-            protected = chooser.base_among(remaining & ~(1 << protected))
-            continue
-        # threads, translations of all parts, then of groups, come before physics of any: they cost less
-        if choice is None:
-            choice, _ = chooser.next_further(remaining, protected, chooser.cascade.unscrewed)
-        if choice is None:
-            choice, stuck = chooser.next_further(remaining, protected, chooser.cascade.further)
-        if choice is None:
-            choice = chooser.next_subassembly(remaining, protected)
-        if choice is None:
-            choice, stuck = chooser.next_further(remaining, protected, chooser.cascade.pushed)
+        choice, protected, said = chooser.next(remaining, protected, last)
         if choice is None:
             break
-        stuck = []
         removals.append(choice)
         remaining &= ~choice.members
         removal = choice.separation.removal
         last = None if removal is None else removal.exit_direction
         progress(start.bit_count() - remaining.bit_count())
     if not remaining & (remaining - 1):
-        protected = bits(remaining)[0]
-    stuck = [entry for entry in stuck if entry[0] != protected]
+        protected, said = bits(remaining)[0], {}
+    stuck = [(part, known) for part, known in said.items() if part != protected]
     table, config = chooser.cascade.blocking, chooser.config.verdict
     return DisassemblyResult(
         base=protected, removals=tuple(removals), stuck=worded(table, remaining, stuck, config=config)
@@ -165,9 +102,12 @@ class _Chooser:
     """Ranks what is free; holds the contact graph and the sizes."""
 
     def __init__(
-        self, cascade: Cascade, config: SequenceConfig, banned: frozenset[Ban], proposed: Sequence[int]
+        self, cascade: Cascade, config: SequenceConfig, refused: frozenset[Refusal], proposed: Sequence[int]
     ) -> None:
-        self.cascade, self.config, self.banned, self.proposed = cascade, config, banned, proposed
+        self.cascade, self.config, self.refused, self.proposed = cascade, config, refused, proposed
+        self.inquiry = cascade.inquire()
+        self.later_stages = tuple(stage for stage in cascade.stages if stage is not cascade.directions)
+        """Those that are asked about one part after another; single translations are ranked over all parts."""
         table = cascade.blocking
         self.volumes = np.array([body.mass_properties.volume for body in table.bodies])
         boxes = np.array([np.ptp(part.bounds_world, axis=0) for part in cascade.assembly.parts])
@@ -208,7 +148,28 @@ class _Chooser:
 
     def single_free(self, part: int, remaining: int) -> bool:
         worth = self.preference(None)
-        return self.cascade.single(part, remaining, preference=worth, banned=self.banned) is not None
+        return self.cascade.directions.along(part, remaining, preference=worth, refused=self.refused) is not None
+
+    def next(
+        self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None
+    ) -> tuple[Departure | None, int, Mapping[int, Separation]]:
+        """The best departure by the first stage that finds one, the base, and what is known of the parts until then.
+
+        All parts are asked about by one stage before any is by the next, which costs more.
+        """
+        said: dict[int, Separation] = {}
+        choice = self.next_proposed(remaining, protected, last) or self.next_single(remaining, protected, last)
+        if choice is None and self.single_free(protected, remaining):
+            # the base itself can go: keep another one instead, the best of those that are left
+            return self.next(remaining, self.base_among(remaining & ~(1 << protected)), last)
+        for stage in self.later_stages:
+            if choice is not None:
+                break
+            if stage is self.cascade.groups:
+                choice = self.next_subassembly(remaining, protected)
+            else:
+                choice = self.next_further(stage, remaining, protected, said)
+        return choice, protected, said
 
     def next_proposed(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
         """The first part of the proposed order that remains, if it can leave."""
@@ -216,12 +177,17 @@ class _Chooser:
         if part is None:
             return None
         worth = self.preference(last)
-        separation = self.cascade.single(part, remaining, preference=worth, banned=self.banned)
-        for ask in (self.cascade.unscrewed, self.cascade.further):
-            if separation is None and (1 << part, -1) not in self.banned:
-                found = ask(part, remaining)
+        separation = self.cascade.directions.along(part, remaining, preference=worth, refused=self.refused)
+        before_groups = takewhile(lambda stage: stage is not self.cascade.groups, self.later_stages)
+        for stage in before_groups:
+            if separation is None and not self._is_refused(part):
+                found = self.inquiry.ask(stage, part, remaining)
                 separation = found if found.answer is Answer.FREE else None
         return None if separation is None else Departure(part=part, members=1 << part, separation=separation)
+
+    def _is_refused(self, part: int) -> bool:
+        """Whether what the later stages found for a part was refused."""
+        return Refusal(members=1 << part, signed=None) in self.refused
 
     def next_single(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
         """The best part that one translation frees; the maps rank, tracing decides.
@@ -236,15 +202,18 @@ class _Chooser:
             free = [
                 s
                 for s in range(table.count_signed)
-                if (1 << part, s) not in self.banned and not table.masks(part, s)[0] & others
+                if Refusal(members=1 << part, signed=s) not in self.refused and not table.masks(part, s)[0] & others
             ]
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
             for ploughs, signed in self._by_ploughing(part, others, free):
                 ranked.append((ploughs, -round(max(worths[s] for s in signed) + rest, 6), part, signed))
         for _, _, part, signed in sorted(ranked):
-            separation = self.cascade.single(part, remaining, preference=worth, banned=self.banned, among=signed)
+            separation = self.cascade.directions.along(
+                part, remaining, preference=worth, refused=self.refused, among=signed
+            )
             if separation is not None:
-                if (1 << part, -2 - (separation.signed or 0)) not in self.banned:
+                turn = Refusal(members=1 << part, signed=separation.signed, only_turned=True)
+                if turn not in self.refused:
                     separation = self.cascade.turned(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
@@ -260,20 +229,21 @@ class _Chooser:
                 yield ploughs, signed
 
     def next_further(
-        self, remaining: int, protected: int, ask: Callable[[int, int], Separation]
-    ) -> tuple[Departure | None, list[tuple[int, Separation]]]:
-        """A part that a later stage frees, the protected one last; else what it says of every part."""
-        said: list[tuple[int, Separation]] = []
-        parts = sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k))
-        for part in parts:
-            if (1 << part, -1) in self.banned:
-                said.append((part, REFUSED))
+        self, stage: Stage, remaining: int, protected: int, said: dict[int, Separation]
+    ) -> Departure | None:
+        """A part that a later stage frees, the protected one last; else None, and ``said`` knows more of every part."""
+        for part in sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k)):
+            if self._is_refused(part):
+                said[part] = REFUSED
                 continue
-            separation = ask(part, remaining)
+            known = said.get(part, UNASKED)
+            if known.proven_for is stage.motions:
+                continue
+            separation = self.inquiry.ask(stage, part, remaining)
             if separation.answer is Answer.FREE:
-                return Departure(part=part, members=1 << part, separation=separation), []
-            said.append((part, separation))
-        return None, said
+                return Departure(part=part, members=1 << part, separation=separation)
+            said[part] = known.and_then(separation)
+        return None
 
     def next_subassembly(self, remaining: int, protected: int) -> Departure | None:
         """The best set of parts that leaves as one body, with how it comes apart by itself."""
@@ -284,7 +254,7 @@ class _Chooser:
             stays=protected,
             worth=self.preference(None),
             connected=self.connected,
-            banned=self.banned,
+            refused=self.refused,
         )
         if found is None:
             return None

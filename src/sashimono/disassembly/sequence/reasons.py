@@ -17,7 +17,6 @@ from sashimono.disassembly.masks import bits
 from sashimono.disassembly.separation import Separation
 from sashimono.geometry import topology
 from sashimono.geometry.directions import direction_name
-from sashimono.plan import Answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,8 +89,8 @@ def worded(
         others = [other for other in bits(remaining) if other != stuck[0]]
         words = _measured(blocking, stuck[0], others, least_give(blocking, stuck[0], others, config=config))
         for part in stuck:
-            proven = answers[part].answer is Answer.PROVEN_BLOCKED
-            sure = "proven for its translations alone" if proven else f"not proven: {answers[part].reason}"
+            motions = answers[part].proven_for
+            sure = f"not proven: {answers[part].reason}" if motions is None else f"proven for {motions}"
             out[part] = replace(answers[part], reason=f"{together} ({sure}){words}")
     return tuple((part, out[part]) for part, _ in said)
 

@@ -17,6 +17,7 @@ from sashimono.disassembly.blocking.parting import parting_travel
 from sashimono.disassembly.blocking.shared import SharedBodies
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separation import DeclaredThread
 from sashimono.disassembly.threads.surface import Threads
 from sashimono.geometry import se3
 from sashimono.geometry.tube import Tube
@@ -55,22 +56,6 @@ class DeclareConfig:
         nearest = float(nominal[np.argmin(np.abs(nominal - 1e3 * diameter))])
         drawn = nearest if abs(nearest - 1e3 * diameter) <= self.snap * nearest else 1e3 * diameter
         return 1e-3 * float(np.interp(drawn, nominal, self.pitches))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DeclaredThread:
-    """A thread that the CAD does not show."""
-
-    axis: Float[np.ndarray, "3"]
-    """Unit, world frame: the way out."""
-    point: Float[np.ndarray, "3"]
-    """A point on the axis [m]."""
-    pitch: float
-    """Shift along the axis per right-hand turn [m]."""
-    other: int
-    """The part in which it turns."""
-    stretches: int
-    """The removal begins with so many stretches along the thread."""
 
 
 def declared_removal(

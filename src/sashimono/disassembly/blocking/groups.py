@@ -17,8 +17,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.blocking.stage import straight_removal
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separation import UNASKED, Separation
+from sashimono.plan import MotionClass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,6 +37,25 @@ class Subassembly:
     """The translation that takes all of them past the others."""
 
 
+class GroupStage:
+    """Subassemblies. A group frees no part by itself: `separate` finds nothing, whoever schedules asks for a group."""
+
+    name = "subassembly"
+    motions = MotionClass.TRANSLATIONS
+
+    def __init__(self, blocking: Blocking) -> None:
+        self.blocking = blocking
+
+    def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
+        return UNASKED
+
+    def can_recall(self, found: Separation) -> bool:
+        return False
+
+    def still_fails(self, said: Separation, asked: int, others: int) -> bool:
+        return True
+
+
 def find_subassembly(
     blocking: Blocking,
     remaining: int,
@@ -40,7 +63,7 @@ def find_subassembly(
     stays: int,
     worth: Callable[[Float[np.ndarray, "3"]], float],
     connected: Callable[[int], bool],
-    banned: frozenset[tuple[int, int]] = frozenset(),
+    refused: frozenset[Refusal] = frozenset(),
 ) -> Subassembly | None:
     """Return the best set of two or more parts that leaves the remaining ones as one body, or None.
 
@@ -53,7 +76,7 @@ def find_subassembly(
         stays: A part that must not be among those that move.
         worth: Of a unit direction of removal.
         connected: Whether the parts of a mask hang together.
-        banned: Pairs of a set of parts (a mask) and a signed direction not to be given.
+        refused: Ways out that are not to be given.
     """
     found = {signed: _sinks(blocking, signed, remaining) for signed in range(blocking.count_signed)}
     while True:
@@ -61,13 +84,15 @@ def find_subassembly(
             (not connected(members), members.bit_count(), -round(worth(blocking.direction(signed)), 6), members, signed)
             for signed, sinks in found.items()
             for members in sinks
-            if members.bit_count() > 1 and not members >> stays & 1 and (members, signed) not in banned
+            if members.bit_count() > 1
+            and not members >> stays & 1
+            and Refusal(members=members, signed=signed) not in refused
         ]
         if not candidates:
             return None
         *_, members, signed = min(candidates)
         if _passes(blocking, signed, members, remaining & ~members):
-            removal = _straight(blocking, signed, members, remaining & ~members)
+            removal = straight_removal(blocking, members, remaining & ~members, blocking.direction(signed))
             return Subassembly(members=members, signed=signed, removal=removal)
         # tracing found a blocker that the maps had missed: the relation knows it now, both ways
         for changed in (signed, signed ^ 1):
@@ -98,12 +123,3 @@ def _sinks(blocking: Blocking, signed: int, remaining: int) -> list[int]:
 
 def _passes(blocking: Blocking, signed: int, members: int, others: int) -> bool:
     return all(blocking.passes(part, signed, other) for part in bits(members) for other in bits(others))
-
-
-def _straight(blocking: Blocking, signed: int, members: int, others: int) -> Removal:
-    """The translation that takes the members' common box past those of the others."""
-    direction = blocking.direction(signed)
-    back = min(blocking.world_bounds_along(part, direction)[0] for part in bits(members))
-    front = max(blocking.world_bounds_along(part, direction)[1] for part in bits(others))
-    clearance = 0.05 * min(blocking.sizes[part] for part in bits(members))
-    return Removal.straight(direction, max(front - back, 0.0) + clearance)
