@@ -8,7 +8,7 @@ so of all directions there is one whose sink leaves any given part behind, if an
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,7 +78,9 @@ def find_subassembly(
         connected: Whether the parts of a mask hang together.
         refused: Ways out that are not to be given.
     """
-    found = {signed: _sinks(blocking, signed, remaining) for signed in range(blocking.count_signed)}
+    missed: dict[int, dict[int, int]] = {signed: {} for signed in range(blocking.count_signed)}
+    """By signed direction and part: blockers that the maps miss and tracing found, here and now."""
+    found = {signed: _sinks(blocking, signed, remaining, missed[signed]) for signed in missed}
     while True:
         candidates = [
             (not connected(members), members.bit_count(), -round(worth(blocking.direction(signed)), 6), members, signed)
@@ -91,22 +93,31 @@ def find_subassembly(
         if not candidates:
             return None
         *_, members, signed = min(candidates)
-        if _passes(blocking, signed, members, remaining & ~members):
-            removal = straight_removal(blocking, members, remaining & ~members, blocking.direction(signed))
+        others = remaining & ~members
+        stops = [
+            (part, other)
+            for part in bits(members)
+            for other in bits(others)
+            if not blocking.passes(part, signed, other)
+        ]
+        if not stops:
+            removal = straight_removal(blocking, members, others, blocking.direction(signed))
             return Subassembly(members=members, signed=signed, removal=removal)
-        # tracing found a blocker that the maps had missed: the relation knows it now, both ways
+        for part, other in stops:
+            for moving, way, stop in ((part, signed, other), (other, signed ^ 1, part)):
+                missed[way][moving] = missed[way].get(moving, 0) | 1 << stop
         for changed in (signed, signed ^ 1):
-            found[changed] = _sinks(blocking, changed, remaining)
+            found[changed] = _sinks(blocking, changed, remaining, missed[changed])
 
 
-def _sinks(blocking: Blocking, signed: int, remaining: int) -> list[int]:
+def _sinks(blocking: Blocking, signed: int, remaining: int, missed: Mapping[int, int]) -> list[int]:
     """The smallest sets that no remaining part outside of them blocks along a signed direction, as masks."""
     parts = bits(remaining)
     place = {part: k for k, part in enumerate(parts)}
     arrows = [
         (place[part], place[other])
         for part in parts
-        for other in bits(blocking.blockers(part, signed, remaining & ~(1 << part)))
+        for other in bits(blocking.blockers(part, signed, remaining & ~(1 << part)) | missed.get(part, 0))
     ]
     rows, columns = np.array(arrows, dtype=np.int64).reshape(-1, 2).T
     graph = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(parts), len(parts)))
@@ -119,7 +130,3 @@ def _sinks(blocking: Blocking, signed: int, remaining: int) -> list[int]:
         for component in range(count)
         if component not in left
     ]
-
-
-def _passes(blocking: Blocking, signed: int, members: int, others: int) -> bool:
-    return all(blocking.passes(part, signed, other) for part in bits(members) for other in bits(others))

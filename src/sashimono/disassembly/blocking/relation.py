@@ -82,12 +82,17 @@ class Blocking:
         self.allowances = pair_allowances(assembly, self.bodies)
         self.directions = np.zeros((0, 3))
         self._boxes = np.array([[v.min(axis=0), v.max(axis=0)] for v in self._vertices])
-        self._relation: list[np.ndarray] = []
+        self._coarse: list[np.ndarray] = []
+        """By line: what the coarse maps say of each pair; never changed."""
+        self._fine: dict[tuple[int, int, int], bool] = {}
+        """By line and pair: whether the second look calls it blocked."""
         self._frames: list[np.ndarray] = []
         self._rotated: dict[tuple[int, int], np.ndarray] = {}
         self._slabs: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._passes: dict[tuple[int, int, int], bool] = {}
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
+        self._stopped: dict[tuple[int, int], int] = {}
+        """By part and signed direction: parts that any look has found to stop it so far. Only a short cut to a no."""
         own = [_lines_of(part, body, config.directions) for part, body in zip(assembly.parts, self.bodies, strict=True)]
         self.part_lines = [lines if len(lines) else np.eye(3) for lines, _ in own]
         """The lines that each part's own surface and inertia give, in the world frame, heaviest first."""
@@ -126,20 +131,23 @@ class Blocking:
                 rotated, self._vertex_start, self._all_faces, self._face_start, config.coarse_resolution,
                 self.sizes, self.allowances, options, relation,
             )  # fmt: skip
-            self._relation.append(relation)
+            self._coarse.append(relation)
         self.directions = np.concatenate([self.directions, lines])
 
     def masks(self, part: int, signed: int) -> tuple[int, int]:
-        """Return the parts that surely block this part along a signed direction, and those still open."""
+        """Return the parts that by the coarse maps block this part along a signed direction, and those left open."""
         key = (part, signed)
         if key not in self._masks:
-            relation = self._relation[signed // 2]
+            relation = self._coarse[signed // 2]
             row = relation[part] if signed % 2 == 0 else relation[:, part]
             self._masks[key] = (_mask(row == depth_maps.BLOCKED), _mask(row == depth_maps.OPEN))
         return self._masks[key]
 
     def blockers(self, part: int, signed: int, among: int | None = None) -> int:
-        """Return the mask of the parts, among those given, that stop this part along a signed direction."""
+        """Return the mask of the parts, among those given, that by the maps stop this part along a signed direction.
+
+        Coarse maps, and fine ones where those leave it open; tracing (`passes`) may find more.
+        """
         blocked, unclear = self.masks(part, signed)
         if among is not None:
             blocked, unclear = blocked & among, unclear & among
@@ -154,7 +162,7 @@ class Blocking:
         """Return whether this part can go to infinity along a signed direction past all of ``among``."""
         among &= ~(1 << part)
         blocked, unclear = self.masks(part, signed)
-        if blocked & among:
+        if (blocked | self._stopped.get((part, signed), 0)) & among:
             return False
         for other in bits(unclear & among):
             if self.is_blocked_by(part, signed, other):
@@ -165,8 +173,10 @@ class Blocking:
         """Return whether ``other`` stops this part, by the maps (second look where the first left it open)."""
         line = signed // 2
         a, b = (part, other) if signed % 2 == 0 else (other, part)
-        relation = self._relation[line]
-        if relation[a, b] == depth_maps.OPEN:
+        relation = self._coarse[line]
+        if relation[a, b] != depth_maps.OPEN:
+            return bool(relation[a, b] == depth_maps.BLOCKED)
+        if (line, a, b) not in self._fine:
             size = min(self.sizes[a], self.sizes[b])
             allowance = self.allowances[a, b]
             stopped = depth_maps.pass_finely(
@@ -175,12 +185,14 @@ class Blocking:
                 max(self.config.axial * size, allowance), self.config.margin,
             )  # fmt: skip
             for (x, y), blocked in zip(((a, b), (b, a)), stopped, strict=True):
-                if relation[x, y] == depth_maps.OPEN:
-                    self._set(line, x, y, depth_maps.BLOCKED if blocked else depth_maps.FREE)
-        return bool(relation[a, b] == depth_maps.BLOCKED)
+                self._fine[line, x, y] = bool(blocked)
+                # of the other way round, the coarse maps may have said more already
+                if blocked and relation[x, y] == depth_maps.OPEN:
+                    self._note_stop(line, x, y)
+        return self._fine[line, a, b]
 
     def passes(self, part: int, signed: int, other: int) -> bool:
-        """Return whether sphere tracing lets this part pass ``other``; a no is entered into the relation."""
+        """Return whether sphere tracing lets this part pass ``other``."""
         line = signed // 2
         a, b = (part, other) if signed % 2 == 0 else (other, part)
         key = (line, a, b)
@@ -189,7 +201,7 @@ class Blocking:
                 np.isinf(self.travel(a, np.zeros(3), self.directions[line], b))
             )
             if not self._passes[key]:
-                self._set(line, a, b, depth_maps.BLOCKED)
+                self._note_stop(line, a, b)
         return self._passes[key]
 
     def travel(
@@ -312,10 +324,10 @@ class Blocking:
             self._rotated[key] = self._vertices[part] @ self._frames[line].T
         return self._rotated[key]
 
-    def _set(self, line: int, a: int, b: int, value: int) -> None:
-        self._relation[line][a, b] = value
-        self._masks.pop((a, 2 * line), None)
-        self._masks.pop((b, 2 * line + 1), None)
+    def _note_stop(self, line: int, a: int, b: int) -> None:
+        """Take down that b stops a along a line; then a stops b the other way."""
+        for part, signed, other in ((a, 2 * line, b), (b, 2 * line + 1, a)):
+            self._stopped[part, signed] = self._stopped.get((part, signed), 0) | 1 << other
 
 
 def pair_allowances(assembly: Assembly, bodies: Sequence[Body]) -> Float[np.ndarray, "part part"]:

@@ -190,43 +190,38 @@ class _Chooser:
         return Refusal(members=1 << part, signed=None) in self.refused
 
     def next_single(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
-        """The best part that one translation frees; the maps rank, tracing decides.
+        """The best part and direction of those that one translation frees, by what tracing says of them.
 
-        Who can leave without ploughing through what he overlaps goes first, and that way.
+        Who can leave without ploughing through what he overlaps goes first, and that way. Candidates that the maps
+        leave are traced the best first, so that only those better than the answer are traced in vain.
         """
         table, worth = self.cascade.blocking, self.preference(last)
         worths = [worth(table.direction(signed)) for signed in range(table.count_signed)]
         ranked = []
         for part in bits(remaining & ~(1 << protected)):
             others = remaining & ~(1 << part)
-            free = [
-                s
-                for s in range(table.count_signed)
-                if Refusal(members=1 << part, signed=s) not in self.refused and not table.masks(part, s)[0] & others
-            ]
+            open_ways = [s for s in range(table.count_signed) if not table.masks(part, s)[0] & others]
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
-            for ploughs, signed in self._by_ploughing(part, others, free):
-                ranked.append((ploughs, -round(max(worths[s] for s in signed) + rest, 6), part, signed))
+            for ploughs, signed in self._by_ploughing(part, others, open_ways):
+                ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in signed]
         for _, _, part, signed in sorted(ranked):
             separation = self.cascade.directions.along(
-                part, remaining, preference=worth, refused=self.refused, among=signed
+                part, remaining, preference=worth, refused=self.refused, among=(signed,)
             )
             if separation is not None:
-                turn = Refusal(members=1 << part, signed=separation.signed, only_turned=True)
+                turn = Refusal(members=1 << part, signed=signed, only_turned=True)
                 if turn not in self.refused:
                     separation = self.cascade.turned(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
 
-    def _by_ploughing(self, part: int, others: int, free: list[int]) -> Iterator[tuple[bool, list[int]]]:
-        """Yield the free directions that do not plough through what the part overlaps, then those that do."""
+    def _by_ploughing(self, part: int, others: int, open_ways: list[int]) -> Iterator[tuple[bool, list[int]]]:
+        """Yield the open directions that do not plough through what the part overlaps, then those that do."""
         table, shared = self.cascade.blocking, self.cascade.shared
         overlapped = shared.overlapping(part, bits(others))
-        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, table.direction(s)) for s in free}
+        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, table.direction(s)) for s in open_ways}
         for ploughs in (False, True):
-            signed = [s for s in free if through[s] == ploughs]
-            if signed:
-                yield ploughs, signed
+            yield ploughs, [s for s in open_ways if through[s] == ploughs]
 
     def next_further(
         self, stage: Stage, remaining: int, protected: int, said: dict[int, Separation]
