@@ -48,7 +48,7 @@ def train_command(
 ) -> int:
     """Train one configuration and write checkpoint, log and weights into ``out``; return the exit status.
 
-    Goes on from a checkpoint in ``out``. Under torchrun, each process takes its share of the batches.
+    Of `past-posed`, the exported network is written too, as ``out/network``. Goes on from a checkpoint in ``out``. Under torchrun, each process takes its share of the batches.
 
     Args:
         config: A shipped training configuration, or a .toml file.
@@ -101,6 +101,10 @@ def train_command(
                 f"{done.steps} steps, {done.states} states in {done.minutes:.1f} min, {done.states_per_second:.0f}"
                 f" states a second, {done.outside:.0%} outside the network; {done.weights}"
             )
+            if asked.kind == "posed":
+                from sashimono.learning.export import export_posed
+
+                say(f"for infer --model: {export_posed(read_weights(done.weights), out / 'network')}")
     return 0
 
 
