@@ -154,10 +154,12 @@ def _read(folder: Path) -> Dataset:
     for row in tables.read_table(folder, "sequences"):
         sequences.setdefault(row["id"], []).append(tuple(row["order"]))
     rows = tables.read_table(folder, "blueprints")
-    return Dataset(folder, manifest, [_blueprint(row, tuple(sequences.get(row["id"], ()))) for row in rows])
+    sources = tables.read_sources(folder)
+    blueprints = [_blueprint(row, tuple(sequences.get(row["id"], ())), sources) for row in rows]
+    return Dataset(folder, manifest, blueprints)
 
 
-def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...]) -> Blueprint:
+def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...], sources: Path) -> Blueprint:
     count = row["n_parts"]
     masks = []
     for part, clauses in enumerate(row["clauses"]):
@@ -179,5 +181,5 @@ def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...]) -
         identical=tuple(tuple(members) for members in row["identical"]),
         geometry_hash=row["geometry_hash"],
         sequences=sequences,
-        source=Path(params["path"]) if "path" in params else None,
+        source=sources / params["path"] if "path" in params else None,
     )

@@ -108,6 +108,8 @@ def make_dataset(
     finally:
         journal.close()
     entries = [journal.done[item.key] for item in items]
+    if items and isinstance(items[0], ForeignItem):
+        tables.write_sources(out, items[0].base)
     made = _write(out, entries, book, identity)
     journal.remove()
     return made

@@ -48,7 +48,8 @@ def train_command(
 ) -> int:
     """Train one configuration and write checkpoint, log and weights into ``out``; return the exit status.
 
-    Of `past-posed`, the exported network is written too, as ``out/network``. Goes on from a checkpoint in ``out``. Under torchrun, each process takes its share of the batches.
+    Of `past-posed`, the exported network is written too, as ``out/network``. Goes on from a checkpoint in ``out``.
+    Under torchrun, each process takes its share of the batches.
 
     Args:
         config: A shipped training configuration, or a .toml file.
