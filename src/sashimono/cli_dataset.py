@@ -26,25 +26,27 @@ DatasetPath = Annotated[
 def make(
     recipe: Annotated[str, typer.Argument(metavar="RECIPE", help="v1, tiny, a TOML file, or a folder of assemblies")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder to write into")],
-    workers: Annotated[int, typer.Option(min=1, metavar="N", help="processes")] = 1,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes; 1 if not given")] = None,
     limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="only the first N blueprints")] = None,
     ray: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="spread over the Ray cluster at this address (auto: the local one)"),
     ] = None,
 ) -> int:
-    """Make a dataset; run the same command again to go on where it was stopped."""
+    """Make a dataset; run the same command again to go on where it was stopped. Exit status 3 if nothing was made."""
     from sashimono.d4pas.make import make_dataset
 
     refuse_unwritable(out)
     run = None
     if ray is not None:
+        if workers is not None:
+            raise SashimonoError("--workers and --ray exclude one another: the cluster has its own. Give one of them.")
         from sashimono.d4pas.ray_workers import ray_runner
 
         run = ray_runner(ray)
     try:
         with _progress("blueprints") as progress:
-            made = make_dataset(recipe, out, workers=workers, limit=limit, run=run, progress=progress)
+            made = make_dataset(recipe, out, workers=workers or 1, limit=limit, run=run, progress=progress)
     except KeyboardInterrupt:
         typer.echo("interrupted; the same command goes on from here", err=True)
         return INTERRUPTED
@@ -53,7 +55,7 @@ def make(
         f" content hash {made.content_hash[:16]}"
     )
     typer.echo(f"written: {out}")
-    return OK
+    return OK if made.blueprints else NO_PLAN
 
 
 @dataset_app.command()
@@ -110,8 +112,8 @@ def show(
     proven = "proven complete" if found.complete else "maybe not all"
     typer.echo(f"{found.id}: {len(found)} parts, {orders}, conditions {proven}, split {found.split}")
     for name, clauses in zip(found.parts, found.masks, strict=True):
-        words = [", ".join(n for k, n in enumerate(found.parts) if clause >> k & 1) or "nothing" for clause in clauses]
-        typer.echo(f"  {name} leaves when gone: {' | '.join(words)}")
+        words = [", ".join(n for k, n in enumerate(found.parts) if clause >> k & 1) for clause in clauses]
+        typer.echo(f"  {name} {'can leave at once' if '' in words else 'leaves after ' + ', or after '.join(words)}")
     parts = out / "parts"
     if parts.is_dir() and any(parts.iterdir()):
         with tempfile.TemporaryDirectory() as folder:

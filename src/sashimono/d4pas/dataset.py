@@ -138,11 +138,13 @@ class Dataset(Sequence[Blueprint]):
 def load(name: str | Path = SHIPPED) -> Dataset:
     """Return the shipped dataset by its name, or the one in a folder; InputError if there is none.
 
+    The name comes first: a folder that is called so is ``"./v1"``.
+
     >>> data = load("v1")
     >>> blueprint = data.split("train")[0]
     >>> clouds = part_clouds(blueprint.assembly(), 512)
     """
-    if str(name) == SHIPPED and not Path(name).exists():
+    if name == SHIPPED:
         with as_file(files("sashimono.d4pas") / "data" / SHIPPED) as folder:
             return _read(folder)
     return _read(Path(name))
@@ -155,7 +157,10 @@ def _read(folder: Path) -> Dataset:
         sequences.setdefault(row["id"], []).append(tuple(row["order"]))
     rows = tables.read_table(folder, "blueprints")
     sources = tables.read_sources(folder)
-    blueprints = [_blueprint(row, tuple(sequences.get(row["id"], ())), sources) for row in rows]
+    try:
+        blueprints = [_blueprint(row, tuple(sequences.get(row["id"], ())), sources) for row in rows]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{folder}: blueprints.parquet is not as it was written ({error!r}); make it again") from error
     return Dataset(folder, manifest, blueprints)
 
 

@@ -12,7 +12,7 @@ from sashimono.bodies import make_bodies
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.clauses import RemovalConditions
 from sashimono.disassembly.cspace import SpaceConfig
-from sashimono.disassembly.orders import OrdersConfig, count_orders, random_walk
+from sashimono.disassembly.orders import OrdersConfig, count_orders, iterate_orders, random_walk
 from sashimono.disassembly.separate import Cascade, SeparateConfig
 from sashimono.disassembly.systems import stuck_parts
 from sashimono.disassembly.translation import TranslationConfig
@@ -95,4 +95,6 @@ def _sequences(
             else counted.sample(2 * missing, rng=rng)
         )
         found.update(dict.fromkeys(order[::-1] for order in drawn))
+    if counted.count is not None and counted.count == wanted:  # all of them, the drawn ones first
+        found.update(dict.fromkeys(order[::-1] for order in iterate_orders(conditions)))
     return counted.count, tuple(found)[:wanted]

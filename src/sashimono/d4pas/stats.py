@@ -34,6 +34,8 @@ def summary(dataset: Dataset) -> dict[str, Any]:
         "sequences": steps,
         "sequences_total": sum(steps.values()),
         "sequences_of_paper": PAPER,
+        "moves": sum(len(step["waypoints"]) > 1 for rows in dataset.steps.values() for step in rows),
+        "contacts": sum(step["contact"] is not None for rows in dataset.steps.values() for step in rows),
         "solved": len(dataset) / attempted if attempted else float("nan"),
         "proven_complete": float(np.mean([b.complete for b in multi])) if multi else float("nan"),
         "failures": _counted(f"{row['family']}: {row['reason'].split(':')[0]}" for row in dataset.failures),
@@ -123,8 +125,8 @@ def measure(blueprint: Blueprint, *, states: int = 1) -> dict[str, Any]:
 
 def nearest_neighbours(dataset: Dataset) -> dict[str, dict[str, float]]:
     """Return, by split, how far blueprints are from the nearest training one (root mean square of descriptors)."""
-    multi = np.array([len(b) > 2 for b in dataset])
-    splits = np.array([b.split for b in dataset])
+    multi = np.array([len(b) > 2 for b in dataset], dtype=bool)
+    splits = np.array([b.split for b in dataset], dtype=str)
     points = dataset.descriptors
     train = points[multi & (splits == TRAIN)]
     out = {}
@@ -150,6 +152,7 @@ def summary_lines(found: dict[str, Any]) -> list[str]:
     ]
     lines += [f"  {name:<16} {sequences[name]:>9} {paper.get(name, 0):>8}" for name in ("3", "4-7", "more")]
     lines += [f"  {'all':<16} {sum(sequences[n] for n in paper):>9} {sum(paper.values()):>8}"]
+    lines += [f"motions {found['moves']}, with a contact {found['contacts']}"]
     lines += ["parts: " + ", ".join(f"{n}: {count}" for n, count in sorted(found["parts"].items(), key=_as_number))]
     lines += ["orders: " + ", ".join(f"{n}: {count}" for n, count in sorted(found["orders"].items()))]
     lines += [f"failed: {reason} ({count})" for reason, count in found["failures"].items()]
