@@ -48,7 +48,7 @@ class Bench:
 
 
 def make_bench(cache: CloudCache, data: Dataset, rows: Sequence[int] | np.ndarray, *, workers: int = 1) -> Bench:
-    """Return the bench of these blueprints of the cache, those of two parts left out; ways are found where they are not.
+    """Return the bench of these blueprints of the cache, without those of two parts. Ways not known yet are found.
 
     Raises InputError if no blueprint is left.
     """

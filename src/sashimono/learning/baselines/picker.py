@@ -1,8 +1,8 @@
 """The network that reinforcement learning trains: says of each part and signed axis how likely it is the next step.
 
 A shared point encoder with max pooling gives a feature of each part in place and one of the blueprint; parts look at
-each other by attention, knowing which are placed; each axis is scored with its direction. All of it works for any number
-of parts. Needs PyTorch only: what was trained is evaluated without Gymnasium.
+each other by attention, knowing which are placed; each axis is scored with its direction. All of it works for any
+number of parts. Needs PyTorch only: what was trained is evaluated without Gymnasium.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ class PpoConfig:
 
     envs: int = 32
     """Environments side by side."""
-    rollout: int = 64
+    rollout: int = 32
     """Steps of each between two updates; each rollout begins with new episodes."""
     episodes: int = 8
     """Episodes in a row with the same blueprint, so that a batch encodes fewer."""
-    retries: int = 0
-    """Wrong steps that an episode of training survives; 0 is strict."""
-    batch: int = 512
+    retries: int = 3
+    """Wrong steps that an episode of training survives: with 0, few episodes come past the first parts."""
+    batch: int = 256
     """Steps a batch of an update."""
-    epochs: int = 3
+    epochs: int = 4
     """Passes over a rollout."""
     discount: float = 0.99
     smoothing: float = 0.95
@@ -74,7 +74,7 @@ class Picker(nn.Module):
         h = config.hidden
         sizes = [9, *config.widths, h]
         layers: list[nn.Module] = []
-        for a, b in zip(sizes[:-1], sizes[1:], strict=True):
+        for a, b in pairwise(sizes):
             layers += [nn.Linear(a, b), nn.ReLU()]
         self.points = nn.Sequential(*layers[:-1])
         self.part = nn.Linear(2 * h + 9, h)

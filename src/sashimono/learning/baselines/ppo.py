@@ -87,8 +87,8 @@ def train_ppo(
 ) -> Trained:
     """Train, from the newest checkpoint in ``out`` if there is one, and return what came of it.
 
-    Writes ``checkpoint.pt``, ``log.csv`` and ``weights.npz`` into ``out``; each is whole at every moment. Steps are those
-    of the environment, and are counted as states.
+    Writes ``checkpoint.pt``, ``log.csv`` and ``weights.npz`` into ``out``; each is whole at every moment. Steps are
+    those of the environment, and are counted as states.
 
     Args:
         config: The run; of the kind ``ppo``.

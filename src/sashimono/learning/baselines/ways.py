@@ -51,9 +51,7 @@ class Ways:
 
     def open(self, part: int, placed: int) -> tuple[int, ...]:
         """Return the axes along which a part goes in past the placed ones (a mask) in a straight line."""
-        return tuple(
-            axis for axis, masks in enumerate(self.blockers[part]) if any(not mask & placed for mask in masks)
-        )
+        return tuple(axis for axis, masks in enumerate(self.blockers[part]) if any(not mask & placed for mask in masks))
 
     def allows(self, part: int, axis: int, placed: int) -> bool:
         """Return whether an axis is right for a part that can go in.
@@ -132,9 +130,8 @@ def _blockers(blocking: Blocking, part: int, signed: int, known: Sequence[Sequen
     for other in bits(blocking.all_parts & ~(1 << part) & ~blocked):
         if is_vain():
             return None
-        if unclear >> other & 1 and blocking.is_blocked_by(part, signed, other):
-            blocked |= 1 << other
-        elif not blocking.passes(part, signed, other):
+        stopped = bool(unclear >> other & 1) and blocking.is_blocked_by(part, signed, other)
+        if stopped or not blocking.passes(part, signed, other):
             blocked |= 1 << other
     return None if is_vain() else blocked
 
