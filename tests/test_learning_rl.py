@@ -302,9 +302,19 @@ def test_a_killed_run_goes_on_bit_for_bit(bench: Bench, tiny: Path, tmp_path: Pa
     from sashimono.learning.baselines.ppo import train_ppo
     from sashimono.learning.config_files import read_config
 
-    whole = train_ppo(read_config(tiny, steps=128), bench, tmp_path / "whole")
-    train_ppo(read_config(tiny, steps=64), bench, tmp_path / "parts")
-    resumed = train_ppo(read_config(tiny, steps=128), bench, tmp_path / "parts")
+    class Killed(Exception):
+        """Stands for a process that is killed."""
+
+    def kill(row: dict[str, Any]) -> None:
+        if row["step"] == 96:
+            raise Killed
+
+    config = read_config(tiny, steps=128, checkpoint_seconds=0.0)
+    whole = train_ppo(config, bench, tmp_path / "whole")
+    with pytest.raises(Killed):  # in the third round, when the last checkpoint is of the second
+        train_ppo(config, bench, tmp_path / "parts", report=kill)
+    assert torch.load(tmp_path / "parts" / "checkpoint.pt", weights_only=True)["done"]["steps"] == 64
+    resumed = train_ppo(config, bench, tmp_path / "parts")
     assert resumed.steps == whole.steps == 128
     one, two = (torch.load(tmp_path / name / "checkpoint.pt", weights_only=True) for name in ("whole", "parts"))
     for name, value in one["model"].items():

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from sashimono.d4pas.states import Masks, can_leave, is_reachable
 from sashimono.errors import InputError
@@ -134,9 +133,7 @@ def placed_rows(states: np.ndarray, slots: int) -> np.ndarray:
     return (np.asarray(states, dtype=np.int64)[..., None] >> np.arange(slots) & 1).astype(np.int8)
 
 
-def padded_clouds(
-    bench: Bench, row: int, slots: int, points: int, target_points: int
-) -> dict[str, Float[np.ndarray, "..."]]:
+def padded_clouds(bench: Bench, row: int, slots: int, points: int, target_points: int) -> dict[str, np.ndarray]:
     """Return what is seen of a blueprint at every step: ``blueprint`` (point, 6), ``parts`` (slot, point, 6) and
     ``axes`` (slot, 6, 3), zero where there is no part."""
     target, clouds = bench.clouds(row, points, target_points)

@@ -8,11 +8,10 @@ push moves the part along any way within 78 degrees of it; the nearest of six ax
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -89,7 +88,9 @@ def find_ways(assembly: Assembly) -> Ways:
     return Ways(axes=axes, blockers=tuple(blockers))
 
 
-def add_ways(cache: CloudCache, data: Dataset, rows: Iterable[int], *, workers: int = 1) -> dict[int, Ways]:
+def add_ways(
+    cache: CloudCache, data: Dataset, rows: Sequence[int] | np.ndarray, *, workers: int = 1
+) -> dict[int, Ways]:
     """Return the ways of these blueprints of the cache; those not found before are found now, and kept beside it.
 
     A run that is killed goes on. The dataset is the one that the cache was made from.
@@ -158,7 +159,9 @@ def _read(entry: dict[str, Any]) -> Ways:
 
 
 @contextmanager
-def _mapped(function: partial | Any, items: Sequence[Any], workers: int) -> Iterator[Iterator[dict[str, Any]]]:
+def _mapped(
+    function: Callable[[Any], dict[str, Any]], items: Sequence[Any], workers: int
+) -> Iterator[Iterator[dict[str, Any]]]:
     if workers <= 1 or len(items) < 2:
         yield map(function, items)
         return
