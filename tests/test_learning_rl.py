@@ -13,7 +13,7 @@ import pytest
 from learning_toy import ToyDataset, toy_dataset
 
 from sashimono.cli import run
-from sashimono.d4pas.states import right_next
+from sashimono.d4pas.states import is_right_order, right_next
 from sashimono.errors import InputError
 from sashimono.learning.baselines.ata import AtaPredictor
 from sashimono.learning.baselines.episode import RIGHT, WHOLE, WRONG, Bench, Episode, make_bench
@@ -282,9 +282,15 @@ def test_seeds_are_summed_up_as_mean_and_spread(bench: Bench, data: ToyDataset, 
 
 
 def test_assemble_them_all_is_judged_and_timed(data: ToyDataset, cache: CloudCache) -> None:
-    method = AtaPredictor(data=data, seconds=60.0)
+    """Without a tube around the pile it may pull blocks out sideways: an order of all parts, not always a listed one."""
+    method = AtaPredictor(data=data, seconds=3600.0)
     found = evaluate("ata", method, data, cache, np.arange(2))
-    assert found.overall["sequence"].value == 1.0
+    orders = method.encode(np.arange(2))
+    assert [sorted(order) for order in orders] == [list(range(len(data.blueprints[k].parts))) for k in range(2)]
+    for k, record in enumerate(found.records):
+        assert record.sequence == is_right_order(data.blueprints[k].masks, orders[k])
+    said = method.probabilities(orders, np.array([[0], [0]]))
+    assert [int(said[k, 0].argmax()) for k in range(2)] == [order[0] for order in orders]
     assert set(found.milliseconds) == {"median", "90 %", "mean"}
 
 
