@@ -282,7 +282,7 @@ def test_seeds_are_summed_up_as_mean_and_spread(bench: Bench, data: ToyDataset, 
 
 
 def test_assemble_them_all_is_judged_and_timed(data: ToyDataset, cache: CloudCache) -> None:
-    """Without a tube around the pile it may pull blocks out sideways: an order of all parts, not always a listed one."""
+    """Without a tube around the pile it may pull blocks out sideways: all parts leave, not always in a right order."""
     method = AtaPredictor(data=data, seconds=3600.0)
     found = evaluate("ata", method, data, cache, np.arange(2))
     orders = method.encode(np.arange(2))
