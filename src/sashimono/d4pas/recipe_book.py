@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from sashimono.d4pas.families import families
 from sashimono.d4pas.splits import SplitConfig
@@ -78,7 +79,9 @@ def _book(content: dict, where: str) -> RecipeBook:
     counts = _counts(content.get("families"), f"{where}: [families]")
     if not counts:
         raise InputError(f"{where}: [families] names no family; add lines like 'bolted_plates = 10'")
-    options = {key: _whole(content[key], least, f"{where}: {key}") for key, least in COUNTS.items() if key in content}
+    options: dict[str, Any] = {
+        key: _whole(content[key], least, f"{where}: {key}") for key, least in COUNTS.items() if key in content
+    }
     options |= {key: _share(content[key], f"{where}: {key}") for key in SHARES if key in content}
     return RecipeBook(
         name=str(content.get("name", "custom")),
@@ -105,7 +108,9 @@ def _counts(section: object, where: str) -> dict[str, int]:
 def _split(section: object, where: str) -> SplitConfig:
     _refuse_unknown(section, set(SplitConfig.__dataclass_fields__), where)
     assert isinstance(section, dict)
-    values = {key: _whole(section[key], 0, f"{where} {key}") for key in ("test", "val") if key in section}
+    values: dict[str, Any] = {
+        key: _whole(section[key], 0, f"{where} {key}") for key in ("test", "val") if key in section
+    }
     values |= {key: _share(section[key], f"{where} {key}") for key in ("most_share", "near") if key in section}
     unseen = section.get("unseen", [])
     if not isinstance(unseen, list):
@@ -115,13 +120,13 @@ def _split(section: object, where: str) -> SplitConfig:
     return SplitConfig(**values, unseen=tuple(unseen))
 
 
-def _whole(value: object, least: int, where: str) -> int:
+def _whole(value: Any, least: int, where: str) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= MOST:
         raise InputError(f"{where} = {value!r} should be a whole number of {least} or more; mend it")
     return value
 
 
-def _share(value: object, where: str) -> float:
+def _share(value: Any, where: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 <= value <= 1.0:
         raise InputError(f"{where} = {value!r} should be a number from 0 to 1; mend it")
     return float(value)

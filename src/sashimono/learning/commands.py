@@ -286,8 +286,10 @@ def evaluate_command(
         for name, weights in read.items():
             model, config = load_model(weights, place.device), weights.config
             if bench is not None and config.kind == BY_REWARD:
+                from sashimono.learning.baselines.picker import Picker
                 from sashimono.learning.baselines.playing import playing_rows
 
+                assert isinstance(model, Picker)
                 methods = playing_rows(name, model, bench, config.batch, place.device)
                 for title in methods:
                     policies.setdefault(re.sub(r"-\d+(?=$|-axes$|-retries$)", "", title), []).append(title)

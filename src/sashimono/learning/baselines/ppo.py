@@ -207,7 +207,9 @@ def _round(model: PPO, config: TrainConfig, number: int, rate: float, steps: int
     model._last_obs = None  # new episodes
     model.ep_info_buffer = model.ep_success_buffer = None
     model.logger.name_to_value.clear()
-    model.learn(ppo.envs * ppo.rollout, reset_num_timesteps=False, log_interval=None)
+    # its annotation leaves out None, which its code takes for "never"
+    never: Any = None
+    model.learn(ppo.envs * ppo.rollout, reset_num_timesteps=False, log_interval=never)
     said = model.logger.name_to_value
     episodes, whole = list(model.ep_info_buffer or []), list(model.ep_success_buffer or [])
     return {

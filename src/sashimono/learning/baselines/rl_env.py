@@ -93,7 +93,7 @@ class AssemblySequence(gymnasium.Env[dict[str, np.ndarray], np.int64]):
         def box(*shape: int) -> spaces.Box:
             return spaces.Box(-2.0, 2.0, shape, np.float32)
 
-        self.observation_space = spaces.Dict(
+        self.observation_space: spaces.Space[Any] = spaces.Dict(
             {
                 "blueprint": box(target_points, 6),
                 "parts": box(self.slots, points, 6),
