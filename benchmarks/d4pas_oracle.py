@@ -130,7 +130,8 @@ class Sweeps:
         key = (part, other, d)
         if key not in self.known:
             direction = self.directions[part][d]
-            reach = float(np.abs(direction) @ (np.ptp(self.boxes[part], axis=0) + np.ptp(self.boxes[other], axis=0)))
+            own, its = self.boxes[part], self.boxes[other]
+            reach = float(np.abs(direction) @ np.maximum(own[1] - its[0], its[1] - own[0]))  # until past it
             least = float(np.ptp(self.boxes[part], axis=0).min())
             steps = np.unique(np.concatenate([np.geomspace(0.05 * least, max(reach, least), 24)]))
             steps = np.unique(np.concatenate([steps, np.arange(0.2 * least, reach, max(0.2 * least, reach / 60))]))

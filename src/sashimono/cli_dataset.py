@@ -65,6 +65,9 @@ def stats(
     ] = "v1",
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="counts only: no geometry is made, no order tried")] = False,
+    most: Annotated[
+        int | None, typer.Option("--most", min=1, metavar="N", help="measure only so many blueprints of each family")
+    ] = None,
 ) -> int:
     """Print what a dataset holds, how its orders are structured, and what needs no learning."""
     from sashimono.d4pas import load
@@ -82,7 +85,7 @@ def stats(
     written = {"summary": found, "nearest_neighbours": gaps}
     if not quick:
         with _progress("blueprints measured") as progress:
-            rows = by_family(data, progress=lambda done, total: progress(done, total, 0))
+            rows = by_family(data, most=most, progress=lambda done, total: progress(done, total, 0))
         for line in family_lines(rows):
             typer.echo(line)
         written["families"] = rows

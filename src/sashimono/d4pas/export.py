@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from sashimono.assembly import Assembly
 from sashimono.errors import InputError
-from sashimono.outputs import replacing_together
 
 
 def export_obj(assembly: Assembly, out: Path) -> list[Path]:
@@ -19,11 +20,14 @@ def export_obj(assembly: Assembly, out: Path) -> list[Path]:
     if out.is_dir() and any(path.suffix == ".obj" for path in out.iterdir()):
         raise InputError(f"{out}: holds .obj files already; name an empty folder")
     names = [f"{stem}.obj" for stem in file_stems(assembly.names)]
-    with replacing_together(out) as folder:
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out, prefix=".sashimono-") as folder:
         for name, part in zip(names, assembly.parts, strict=True):
             lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in part.vertices_world * 1e3]
             lines += [f"f {a} {b} {c}" for a, b, c in part.faces + 1]
-            (folder / name).write_text("\n".join(lines) + "\n", encoding="ascii")
+            Path(folder, name).write_text("\n".join(lines) + "\n", encoding="ascii")
+        for name in names:
+            os.replace(Path(folder, name), out / name)
     return [out / name for name in names]
 
 
