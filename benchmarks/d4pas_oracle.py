@@ -28,8 +28,14 @@ from sashimono.d4pas.states import all_states, can_leave
 SPHERE = 150
 """Directions spread evenly; to them come the axes and each part's face normals."""
 
+NOTHING = 1e-9
+"""Shared volume, over the smaller part's: less is touching."""
+
 SHARE = 1e-4
-"""Shared volume, over the smaller part's, beyond that of the assembled pose: less is sliding along a face."""
+"""The same beyond that of the assembled pose, of two parts that overlap there."""
+
+TOLERANCE = 0.02
+"""Thickness of the shared body that a motion may have, over the smaller part's smallest extent, as in `verify`."""
 
 
 def main() -> None:
@@ -130,15 +136,27 @@ class Sweeps:
         key = (part, other, d)
         if key not in self.known:
             direction = self.directions[part][d]
-            reach = float(np.abs(direction) @ (np.ptp(self.boxes[part], axis=0) + np.ptp(self.boxes[other], axis=0)))
+            own, its = self.boxes[part], self.boxes[other]
+            reach = float(np.abs(direction) @ np.maximum(own[1] - its[0], its[1] - own[0]))  # until past it
             least = float(np.ptp(self.boxes[part], axis=0).min())
             steps = np.unique(np.concatenate([np.geomspace(0.05 * least, max(reach, least), 24)]))
             steps = np.unique(np.concatenate([steps, np.arange(0.2 * least, reach, max(0.2 * least, reach / 60))]))
             self.known[key] = all(
-                self._overlap(self.solids[part].translate(tuple(float(x) for x in t * direction)), part, other) <= SHARE
+                self._is_clear(self.solids[part].translate(tuple(float(x) for x in t * direction)), part, other)
                 for t in steps
             )
         return self.known[key]
+
+    def _is_clear(self, moved, part: int, other: int) -> bool:
+        """Whether a moved part shares nothing with another, or a body so thin that the verifier allows it."""
+        extra = self._overlap(moved, part, other)
+        if extra <= NOTHING:
+            return True
+        if self.shared[part, other] > NOTHING * min(self.volumes[part], self.volumes[other]):
+            return extra <= SHARE
+        low, high = np.array((moved ^ self.solids[other]).bounding_box()).reshape(2, 3)
+        least = min(float(np.ptp(self.boxes[k], axis=0).min()) for k in (part, other))
+        return float((high - low).min()) <= TOLERANCE * least
 
     def _overlap(self, moved, part: int, other: int) -> float:
         """Shared volume beyond the assembled pose's, over the smaller part's."""

@@ -63,7 +63,13 @@ ALGORITHMS = {"geometry", "disassembly", "motion", "contact", "tree"}
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}
 """The only imports within a level."""
 
-DISTRIBUTIONS = {"PIL": "pillow", "fcl": "python-fcl", "igl": "libigl", "warp": "warp-lang"}
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "fcl": "python-fcl",
+    "igl": "libigl",
+    "stable_baselines3": "stable-baselines3",
+    "warp": "warp-lang",
+}
 """Distributions whose import name differs."""
 
 
@@ -104,10 +110,10 @@ def in_package(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def of_an_extra() -> set[str]:
-    """Return the modules that need an extra: Warp's kernels, and what of learning imports PyTorch, also indirectly."""
+    """Return the modules that need an extra: Warp's kernels, and what of learning imports PyTorch or Gymnasium."""
     found = {"sashimono.disassembly.physics.batch_kernels"}
     while True:
-        needed = {"torch", *found}
+        needed = {"torch", "gymnasium", "stable_baselines3", *found}
         more = {
             f"sashimono.{module_of(path)}"
             for path in MODULES

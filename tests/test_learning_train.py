@@ -324,6 +324,24 @@ def test_train_then_evaluate_by_command(tiny: Path, tmp_path: Path) -> None:
     assert sorted(path.stem for path in (tmp_path / "figures").iterdir()) == ["inside-out", "random", "rule", "weights"]
 
 
+def test_training_ours_writes_the_network_that_infer_takes(tmp_path: Path) -> None:
+    pytest.importorskip("onnx", reason="the train extra is not installed")
+    from sashimono.learning.infer import assembly_clouds, infer, load_network
+
+    config = tmp_path / "ours.toml"
+    config.write_text(
+        'kind = "posed"\nprecision = "fp32"\n[model]\nwidth = 8\nheads = 2\n[batch]\nblueprints = 4\nstates = 2\n'
+        'part_points = 1\ntarget_points = 1\nextras = ["paths", "pairs", "lines", "clauses"]\n',
+        encoding="utf-8",
+    )
+    data = partial(toy_dataset, 12)
+    train_command(str(config), tmp_path / "run", data=data, steps=2, device="cpu", clouds=CLOUDS)
+    network = load_network(tmp_path / "run" / "network")
+    blueprint = data().blueprints[0]
+    found = infer(blueprint.parts, assembly_clouds(blueprint.assembly(), network.relations), network)
+    assert sorted(found.order) == sorted(blueprint.parts)
+
+
 @pytest.mark.slow
 def test_processes_share_the_batches(tiny: Path, tmp_path: Path) -> None:
     """Two processes under torchrun end with the same weights, and see twice the states."""

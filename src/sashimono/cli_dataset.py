@@ -26,25 +26,27 @@ DatasetPath = Annotated[
 def make(
     recipe: Annotated[str, typer.Argument(metavar="RECIPE", help="v1, tiny, a TOML file, or a folder of assemblies")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder to write into")],
-    workers: Annotated[int, typer.Option(min=1, metavar="N", help="processes")] = 1,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes; 1 if not given")] = None,
     limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="only the first N blueprints")] = None,
     ray: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="spread over the Ray cluster at this address (auto: the local one)"),
     ] = None,
 ) -> int:
-    """Make a dataset; run the same command again to go on where it was stopped."""
+    """Make a dataset; run the same command again to go on where it was stopped. Exit status 3 if nothing was made."""
     from sashimono.d4pas.make import make_dataset
 
     refuse_unwritable(out)
     run = None
     if ray is not None:
+        if workers is not None:
+            raise SashimonoError("--workers and --ray exclude one another: the cluster has its own. Give one of them.")
         from sashimono.d4pas.ray_workers import ray_runner
 
         run = ray_runner(ray)
     try:
         with _progress("blueprints") as progress:
-            made = make_dataset(recipe, out, workers=workers, limit=limit, run=run, progress=progress)
+            made = make_dataset(recipe, out, workers=workers or 1, limit=limit, run=run, progress=progress)
     except KeyboardInterrupt:
         typer.echo("interrupted; the same command goes on from here", err=True)
         return INTERRUPTED
@@ -53,7 +55,7 @@ def make(
         f" content hash {made.content_hash[:16]}"
     )
     typer.echo(f"written: {out}")
-    return OK
+    return OK if made.blueprints else NO_PLAN
 
 
 @dataset_app.command()
@@ -63,6 +65,9 @@ def stats(
     ] = "v1",
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="counts only: no geometry is made, no order tried")] = False,
+    most: Annotated[
+        int | None, typer.Option("--most", min=1, metavar="N", help="measure only so many blueprints of each family")
+    ] = None,
 ) -> int:
     """Print what a dataset holds, how its orders are structured, and what needs no learning."""
     from sashimono.d4pas import load
@@ -80,7 +85,7 @@ def stats(
     written = {"summary": found, "nearest_neighbours": gaps}
     if not quick:
         with _progress("blueprints measured") as progress:
-            rows = by_family(data, progress=lambda done, total: progress(done, total, 0))
+            rows = by_family(data, most=most, progress=lambda done, total: progress(done, total, 0))
         for line in family_lines(rows):
             typer.echo(line)
         written["families"] = rows
@@ -110,8 +115,8 @@ def show(
     proven = "proven complete" if found.complete else "maybe not all"
     typer.echo(f"{found.id}: {len(found)} parts, {orders}, conditions {proven}, split {found.split}")
     for name, clauses in zip(found.parts, found.masks, strict=True):
-        words = [", ".join(n for k, n in enumerate(found.parts) if clause >> k & 1) or "nothing" for clause in clauses]
-        typer.echo(f"  {name} leaves when gone: {' | '.join(words)}")
+        words = [", ".join(n for k, n in enumerate(found.parts) if clause >> k & 1) for clause in clauses]
+        typer.echo(f"  {name} {'can leave at once' if '' in words else 'leaves after ' + ', or after '.join(words)}")
     parts = out / "parts"
     if parts.is_dir() and any(parts.iterdir()):
         with tempfile.TemporaryDirectory() as folder:

@@ -35,6 +35,7 @@ def train(
         float | None, typer.Option(min=0.0, metavar="N", help="train that long, whatever the steps")
     ] = None,
     steps: Annotated[int | None, typer.Option(min=1, metavar="N", help="steps, instead of the configuration's")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="seed, instead of the configuration's")] = None,
     data: Data = "v1",
     start: Annotated[
         Path | None, typer.Option("--from", metavar="PATH", help="weights (a campaign: their folder) to begin with")
@@ -60,19 +61,24 @@ def train(
         )
     assert config is not None
     return train_command(
-        config, out, data=data, steps=steps, minutes=minutes, start=start, cache=cache, device=device,
+        config, out, data=data, steps=steps, minutes=minutes, seed=seed, start=start, cache=cache, device=device,
         workers=workers, say=typer.echo,
     )  # fmt: skip
 
 
 @learning_app.command()
 def evaluate(
-    models: Annotated[list[Path], typer.Argument(metavar="WEIGHTS...", help="weights.npz files of trained models")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="folder for a JSON file a model")],
+    models: Annotated[
+        list[Path] | None, typer.Argument(metavar="WEIGHTS...", help="weights.npz files of trained models")
+    ] = None,
     split: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="a split, test if not given; repeatable")
     ] = None,
     limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="only so many blueprints of each split")] = None,
+    ata: Annotated[
+        float | None, typer.Option(min=0.1, metavar="SECONDS", help="also simulate, at most so long a blueprint (ATA)")
+    ] = None,
     data: Data = "v1",
     cache: Cache = None,
     device: Device = None,
@@ -82,12 +88,14 @@ def evaluate(
     from sashimono.learning.commands import evaluate_command
 
     refuse_unwritable(out)
-    for path in models:
+    if not models and ata is None:
+        raise SashimonoError("evaluate takes WEIGHTS of trained models, or --ata SECONDS. Give one of them.")
+    for path in models or []:
         if not path.is_file():
             raise SashimonoError(f"{path}: no such file. Name the weights.npz that training wrote.")
     return evaluate_command(
-        models, out, data=data, splits=tuple(split or ["test"]), limit=limit, cache=cache, device=device,
-        workers=workers, say=typer.echo,
+        models or [], out, data=data, splits=tuple(split or ["test"]), limit=limit, ata=ata, cache=cache,
+        device=device, workers=workers, say=typer.echo,
     )  # fmt: skip
 
 

@@ -138,11 +138,13 @@ class Dataset(Sequence[Blueprint]):
 def load(name: str | Path = SHIPPED) -> Dataset:
     """Return the shipped dataset by its name, or the one in a folder; InputError if there is none.
 
+    The name comes first: a folder that is called so is ``"./v1"``.
+
     >>> data = load("v1")
     >>> blueprint = data.split("train")[0]
     >>> clouds = part_clouds(blueprint.assembly(), 512)
     """
-    if str(name) == SHIPPED and not Path(name).exists():
+    if name == SHIPPED:
         with as_file(files("sashimono.d4pas") / "data" / SHIPPED) as folder:
             return _read(folder)
     return _read(Path(name))
@@ -154,10 +156,15 @@ def _read(folder: Path) -> Dataset:
     for row in tables.read_table(folder, "sequences"):
         sequences.setdefault(row["id"], []).append(tuple(row["order"]))
     rows = tables.read_table(folder, "blueprints")
-    return Dataset(folder, manifest, [_blueprint(row, tuple(sequences.get(row["id"], ()))) for row in rows])
+    sources = tables.read_sources(folder)
+    try:
+        blueprints = [_blueprint(row, tuple(sequences.get(row["id"], ())), sources) for row in rows]
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{folder}: blueprints.parquet is not as it was written ({error!r}); make it again") from error
+    return Dataset(folder, manifest, blueprints)
 
 
-def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...]) -> Blueprint:
+def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...], sources: Path) -> Blueprint:
     count = row["n_parts"]
     masks = []
     for part, clauses in enumerate(row["clauses"]):
@@ -179,5 +186,5 @@ def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...]) -
         identical=tuple(tuple(members) for members in row["identical"]),
         geometry_hash=row["geometry_hash"],
         sequences=sequences,
-        source=Path(params["path"]) if "path" in params else None,
+        source=sources / params["path"] if "path" in params else None,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -11,6 +13,9 @@ from sashimono.geometry import mesh
 
 LARGEST = 8
 """Parts, the largest, whose sizes and places count one by one."""
+
+SAMPLES = 8192
+"""Surface points, so that where alike parts change places the histogram changes little."""
 
 BINS = 8
 """Bins of the histogram of distances between surface points."""
@@ -23,16 +28,28 @@ def describe(assembly: Assembly) -> Float[np.ndarray, "number"]:
     of mass from the whole's; a histogram of distances between surface points (D2, Osada et al., 2002). Lengths are
     over the root mean square radius of the surface.
     """
-    cloud, _ = blueprint_cloud(assembly, 2048, seed=0)
-    points = cloud[:, :3] - cloud[:, :3].mean(axis=0)
-    scale = float(np.sqrt((points**2).sum(axis=1).mean()))
     masses = [mesh.mass_properties(part.vertices_world, part.faces) for part in assembly.parts]
-    sizes = np.cbrt([mass.volume for mass in masses]) / scale
+    roots = np.cbrt([mass.volume for mass in masses])
     middle = np.average([mass.center for mass in masses], axis=0, weights=[mass.volume for mass in masses])
-    arms = np.array([np.linalg.norm(mass.center - middle) for mass in masses]) / scale
-    order = np.lexsort((np.round(arms, 6), -np.round(sizes, 6)))[:LARGEST]
+    arms = np.array([np.linalg.norm(mass.center - middle) for mass in masses])
+    unit = 1e-5 * roots.max()
+    order = np.lexsort((np.round(arms / unit), -np.round(roots / unit)))
+    # samples are drawn part by part: the same for the same product, whatever the parts' order
+    ranked = replace(assembly, parts=tuple(assembly.parts[k] for k in order), identical=())
+    points = blueprint_cloud(ranked, SAMPLES, seed=0)[0][:, :3]
+    scale = _radius(np.concatenate([part.vertices_world[part.faces] for part in assembly.parts]))
+    order = order[:LARGEST]
     parts = np.zeros((2, LARGEST))
-    parts[:, : len(order)] = sizes[order], arms[order]
+    parts[:, : len(order)] = roots[order] / scale, arms[order] / scale
     gaps = np.linalg.norm(points[: len(points) // 2] - points[len(points) // 2 :], axis=1) / scale
     histogram = np.histogram(gaps, bins=BINS, range=(0.0, 4.0))[0] / len(gaps)
     return np.concatenate([[np.log2(len(assembly))], parts.ravel(), histogram])
+
+
+def _radius(corners: Float[np.ndarray, "face 3 3"]) -> float:
+    """Root mean square distance of the surface from its centroid, exactly."""
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    corners = corners - np.average(corners.mean(axis=1), axis=0, weights=areas)
+    # of a triangle, the mean of |x|^2 is (|a|^2 + |b|^2 + |c|^2 + |a + b + c|^2) / 12
+    squares = ((corners**2).sum(axis=(1, 2)) + (corners.sum(axis=1) ** 2).sum(axis=1)) / 12.0
+    return float(np.sqrt(np.average(squares, weights=areas)))

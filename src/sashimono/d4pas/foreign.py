@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sashimono.assembly import Assembly
@@ -49,6 +49,11 @@ class ForeignItem:
     """The path from the folder that was searched, with forward slashes."""
     unit: str
     """Of mesh files, which state none."""
+
+    @property
+    def base(self) -> Path:
+        """The folder that ``relative`` starts from."""
+        return self.path.parents[len(PurePosixPath(self.relative).parts) - 1]
 
     @cached_property
     def params(self) -> dict[str, Any]:
@@ -109,7 +114,7 @@ def read_foreign(path: Path, params: Mapping[str, Any]) -> Assembly:
     Raises InputError if it is not there, or not as it was.
     """
     if not path.exists():
-        raise InputError(f"{path}: no such file or folder; go to the folder that the dataset was made from")
+        raise InputError(f"{path}: no such file or folder; name its folder in the dataset's sources.json")
     if _digest(path) != params["sha256"]:
         raise InputError(f"{path}: has changed since the dataset was made; make the dataset again")
     return read_assembly(path, unit=params["unit"] if _has_meshes(path) else None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 from collections.abc import Mapping
@@ -15,16 +16,26 @@ class Journal:
     """A file of JSON lines, the first of which says what run it belongs to."""
 
     def __init__(self, path: Path, run: Mapping[str, Any]) -> None:
-        """Open the journal of a run, new or begun; InputError if the file belongs to another run."""
+        """Open the journal of a run, new or begun.
+
+        Raises InputError if the file belongs to another run, or another process has it open.
+        """
         self._path = path
         self.done: dict[str, dict[str, Any]] = {}
         """Results so far, by key."""
-        head = json.dumps({"run": run}, sort_keys=True)
-        if path.exists():
-            self._read(head)
-        else:
-            path.write_text(head + "\n", encoding="utf-8")
         self._file = path.open("a", encoding="utf-8")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._file.close()
+            raise InputError(
+                f"{path.parent}: another run is at work here; wait for it, or name another folder"
+            ) from error
+        try:
+            self._read(json.dumps({"run": run}, sort_keys=True))
+        except BaseException:
+            self._file.close()
+            raise
 
     def _read(self, head: str) -> None:
         content = self._path.read_bytes()
@@ -33,7 +44,8 @@ class Journal:
             os.truncate(self._path, whole)
         lines = content[:whole].decode("utf-8").splitlines()
         if not lines:
-            self._path.write_text(head + "\n", encoding="utf-8")
+            self._file.write(head + "\n")
+            self._file.flush()
             return
         if lines[0] != head:
             raise InputError(
@@ -56,6 +68,6 @@ class Journal:
         self._file.close()
 
     def remove(self) -> None:
-        """Close and remove the file: the run is finished."""
-        self.close()
+        """Remove and close the file: the run is finished."""
         self._path.unlink()
+        self.close()

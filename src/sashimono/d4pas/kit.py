@@ -148,29 +148,11 @@ def nut(size: float, *, clearance: float = 0.0, segments: int = 12) -> Manifold:
     return hexagon(flats, 0.0, height) - cylinder(size + clearance, -1.0, height + 1.0, segments=segments)
 
 
-def washer(size: float, *, thickness: float | None = None, clearance: float = 0.2) -> Manifold:
-    """Return a washer on z from 0 upwards."""
-    height = 0.2 * size if thickness is None else thickness
-    return tube(2.0 * size, size + clearance, 0.0, height, segments=SEGMENTS)
-
-
 def clip(outer: float, bore: float, z0: float, z1: float, *, segments: int = SEGMENTS) -> Manifold:
     """Return a horseshoe clip about z: a ring open towards +x by its whole bore, so that it slides into a groove."""
     ring = tube(outer, bore, z0, z1, segments=segments)
     ring -= box((0.0, -bore / 2.0, z0 - 1.0), (outer, bore / 2.0, z1 + 1.0))
     return ring - box((0.35 * outer, -outer, z0 - 1.0), (outer, outer, z1 + 1.0))
-
-
-def thread(diameter: float, depth: float, pitch: float, z0: float, z1: float, *, segments: int = 24) -> Manifold:
-    """Return a one-start round thread about z: an eccentric circle extruded with a twist.
-
-    The crest is at ``diameter``, the root ``2 · depth`` below. The same call with a larger diameter, subtracted,
-    cuts the nut's thread; both start at the same phase at z0.
-    """
-    section = CrossSection.circle(diameter / 2.0 - depth / 2.0, segments).translate((depth / 2.0, 0.0))
-    turns = (z1 - z0) / pitch
-    steps = max(1, round(turns * segments / 2.0))
-    return Manifold.extrude(section, z1 - z0, steps, 360.0 * turns).translate((0.0, 0.0, z0))
 
 
 def place(solid: Manifold, origin: Vector, axis: Vector = (0.0, 0.0, 1.0), *, spin: float = 0.0) -> Manifold:

@@ -11,7 +11,7 @@ from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.conditions.clauses import RemovalConditions
-from sashimono.disassembly.conditions.orders import OrdersConfig, count_orders, random_walk
+from sashimono.disassembly.conditions.orders import OrdersConfig, count_orders, iterate_orders, random_walk
 from sashimono.disassembly.conditions.systems import stuck_parts
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.translation.configuration_space import SpaceConfig
@@ -95,4 +95,6 @@ def _sequences(
             else counted.sample(2 * missing, rng=rng)
         )
         found.update(dict.fromkeys(order[::-1] for order in drawn))
+    if counted.count is not None and counted.count == wanted:  # all of them, the drawn ones first
+        found.update(dict.fromkeys(order[::-1] for order in iterate_orders(conditions)))
     return counted.count, tuple(found)[:wanted]

@@ -20,11 +20,11 @@ from sashimono.d4pas.foreign import ForeignItem, find_assemblies, foreign_rows
 from sashimono.d4pas.journal import Journal
 from sashimono.d4pas.labels import LabelConfig
 from sashimono.d4pas.recipe import Recipe, draw_recipe
-from sashimono.d4pas.recipe_book import RecipeBook, read_book
+from sashimono.d4pas.recipe_book import SHIPPED, RecipeBook, read_book
 from sashimono.d4pas.rows import Outcome, RowConfig, canonical, digest, make_rows
 from sashimono.d4pas.splits import REAL, assign_splits
 from sashimono.d4pas.workers import DIED, run_items
-from sashimono.errors import InputError
+from sashimono.errors import InputError, SashimonoError
 
 Progress = Callable[[int, int, int], None]
 """Called with (done, total, failed)."""
@@ -108,6 +108,8 @@ def make_dataset(
     finally:
         journal.close()
     entries = [journal.done[item.key] for item in items]
+    if items and isinstance(items[0], ForeignItem):
+        tables.write_sources(out, items[0].base)
     made = _write(out, entries, book, identity)
     journal.remove()
     return made
@@ -124,6 +126,8 @@ def work(item: MakeItem | ForeignItem, *, config: RowConfig) -> dict[str, Any]:
             recipe = _recipe(item)
             params = recipe.params
             outcome = make_rows(recipe, config=config)
+    except (OSError, ImportError) as error:  # a fault of this machine: the run stops, and can go on once it is mended
+        raise SashimonoError(f"{item.key}: {error}. Mend that; the same command goes on from here.") from error
     except Exception as error:  # the run goes on, and the reason is in failures.parquet
         outcome = Outcome(rows=None, reason=f"{type(error).__name__}: {error}", seconds={})
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -135,7 +139,7 @@ def _recipe(item: MakeItem) -> Recipe:
 
 
 def _items(source: str) -> tuple[RecipeBook, list[MakeItem] | list[ForeignItem]]:
-    if Path(source).is_dir():
+    if source not in SHIPPED and Path(source).is_dir():
         items = find_assemblies(Path(source))
         return RecipeBook(name=Path(source).resolve().name, version="0", counts={}), items
     book = read_book(source)
@@ -164,8 +168,9 @@ def _identity(book: RecipeBook, items: Sequence[Any], config: RowConfig) -> str:
 
 def _finished(out: Path, identity: str) -> Made:
     manifest = tables.read_manifest(out)
-    if manifest["identity"] != identity:
+    if manifest.get("identity") != identity:
         raise InputError(f"{out}: holds another finished dataset ({manifest['name']}); name another folder")
+    (out / JOURNAL).unlink(missing_ok=True)  # killed between the manifest and this
     counts = manifest["counts"]
     return Made(
         blueprints=counts["blueprints"],

@@ -15,7 +15,7 @@ Work = Callable[[Any], dict[str, Any]]
 
 
 def ray_runner(
-    address: str, *, ahead: int = 2, tries: int = 3
+    address: str, *, ahead: int = 2, tries: int = 2
 ) -> Callable[[Sequence[Any], Work], Iterator[tuple[Any, dict[str, Any] | None]]]:
     """Return what works items off on a Ray cluster, as `sashimono.d4pas.make.Runner`.
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from sashimono.d4pas.families import families
 from sashimono.d4pas.splits import SplitConfig
@@ -66,41 +67,28 @@ def read_book(name: str) -> RecipeBook:
     return _book(content, where)
 
 
+COUNTS = {"first_seed": 0, "max_sequences": 1, "max_steps": 0}
+"""Options that are whole numbers, with the least."""
+SHARES = ("turned", "whole")
+"""Options that are numbers from 0 to 1."""
+MOST = 2**31 - 1
+
+
 def _book(content: dict, where: str) -> RecipeBook:
-    known = {
-        "name",
-        "version",
-        "first_seed",
-        "turned",
-        "whole",
-        "max_sequences",
-        "max_steps",
-        "families",
-        "pairs",
-        "split",
-    }
-    _refuse_unknown(content, known, where)
+    _refuse_unknown(content, {"name", "version", "families", "pairs", "split", *COUNTS, *SHARES}, where)
     counts = _counts(content.get("families"), f"{where}: [families]")
     if not counts:
         raise InputError(f"{where}: [families] names no family; add lines like 'bolted_plates = 10'")
-    split = content.get("split", {})
-    _refuse_unknown(split, set(SplitConfig.__dataclass_fields__), f"{where}: [split]")
-    if "unseen" in split:
-        split = {**split, "unseen": tuple(split["unseen"])}
-        for family in split["unseen"]:
-            _refuse_unknown_family(family, f"{where}: [split] unseen")
-    options = {
-        key: content[key] for key in ("first_seed", "turned", "whole", "max_sequences", "max_steps") if key in content
+    options: dict[str, Any] = {
+        key: _whole(content[key], least, f"{where}: {key}") for key, least in COUNTS.items() if key in content
     }
-    for key, value in options.items():
-        if not isinstance(value, int | float) or isinstance(value, bool) or value < 0:
-            raise InputError(f"{where}: {key} = {value!r} should be a number of 0 or more; mend it")
+    options |= {key: _share(content[key], f"{where}: {key}") for key in SHARES if key in content}
     return RecipeBook(
         name=str(content.get("name", "custom")),
         version=str(content.get("version", "0")),
         counts=counts,
         pairs=_counts(content.get("pairs", {}), f"{where}: [pairs]"),
-        split=SplitConfig(**split),
+        split=_split(content.get("split", {}), f"{where}: [split]"),
         **options,
     )
 
@@ -111,11 +99,37 @@ def _counts(section: object, where: str) -> dict[str, int]:
     for family, count in section.items():
         if family != "all":
             _refuse_unknown_family(family, where)
-        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
-            raise InputError(f"{where} {family} = {count!r} should be a whole number of 0 or more; mend it")
+        _whole(count, 0, f"{where} {family}")
     every = section.get("all")
     counts: dict[str, int] = {} if every is None else dict.fromkeys(families(), int(every))
     return counts | {family: count for family, count in section.items() if family != "all"}
+
+
+def _split(section: object, where: str) -> SplitConfig:
+    _refuse_unknown(section, set(SplitConfig.__dataclass_fields__), where)
+    assert isinstance(section, dict)
+    values: dict[str, Any] = {
+        key: _whole(section[key], 0, f"{where} {key}") for key in ("test", "val") if key in section
+    }
+    values |= {key: _share(section[key], f"{where} {key}") for key in ("most_share", "near") if key in section}
+    unseen = section.get("unseen", [])
+    if not isinstance(unseen, list):
+        raise InputError(f"{where} unseen = {unseen!r} should be a list of families; mend it")
+    for family in unseen:
+        _refuse_unknown_family(family, f"{where} unseen")
+    return SplitConfig(**values, unseen=tuple(unseen))
+
+
+def _whole(value: Any, least: int, where: str) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= MOST:
+        raise InputError(f"{where} = {value!r} should be a whole number of {least} or more; mend it")
+    return value
+
+
+def _share(value: Any, where: str) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 <= value <= 1.0:
+        raise InputError(f"{where} = {value!r} should be a number from 0 to 1; mend it")
+    return float(value)
 
 
 def _refuse_unknown(section: object, known: set[str], where: str) -> None:

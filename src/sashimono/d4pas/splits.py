@@ -32,8 +32,8 @@ class SplitConfig:
 def assign_splits(blueprints: Sequence[Mapping[str, Any]], *, config: SplitConfig) -> list[str]:
     """Return the split of each blueprint row. It depends on the rows and the configuration alone.
 
-    Two-part blueprints are for training. Groups of near-duplicates stay together; each group's place is drawn by a
-    hash of its ids.
+    Two-part blueprints go where the product went that they are taken from: it has their family and seed. Groups of
+    near-duplicates stay together; each group's place is drawn by a hash of its ids.
     """
     out = [TRAIN] * len(blueprints)
     by_family: dict[str, list[int]] = {}
@@ -43,6 +43,7 @@ def assign_splits(blueprints: Sequence[Mapping[str, Any]], *, config: SplitConfi
         elif row["n_parts"] > 2:
             by_family.setdefault(row["family"], []).append(k)
     total = sum(len(members) for members in by_family.values())
+    of_product = {(row["family"], row["seed"]): k for k, row in enumerate(blueprints) if row["n_parts"] > 2}
     for members in by_family.values():
         share = len(members) / max(1, total)
         quotas = {
@@ -57,6 +58,9 @@ def assign_splits(blueprints: Sequence[Mapping[str, Any]], *, config: SplitConfi
                     quota -= len(group)
                     for k in group:
                         out[members[k]] = split
+    for k, row in enumerate(blueprints):
+        if row["n_parts"] == 2 and out[k] == TRAIN:
+            out[k] = out[of_product.get((row["family"], row["seed"]), k)]
     return out
 
 

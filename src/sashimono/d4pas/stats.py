@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,8 @@ def summary(dataset: Dataset) -> dict[str, Any]:
         "sequences": steps,
         "sequences_total": sum(steps.values()),
         "sequences_of_paper": PAPER,
+        "moves": sum(len(step["waypoints"]) > 1 for rows in dataset.steps.values() for step in rows),
+        "contacts": sum(step["contact"] is not None for rows in dataset.steps.values() for step in rows),
         "solved": len(dataset) / attempted if attempted else float("nan"),
         "proven_complete": float(np.mean([b.complete for b in multi])) if multi else float("nan"),
         "failures": _counted(f"{row['family']}: {row['reason'].split(':')[0]}" for row in dataset.failures),
@@ -41,33 +44,43 @@ def summary(dataset: Dataset) -> dict[str, Any]:
 
 
 def by_family(
-    dataset: Dataset, *, states: int = 1, progress: Callable[[int, int], None] = lambda done, total: None
+    dataset: Dataset,
+    *,
+    states: int = 1,
+    most: int | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict[str, Any]]:
     """Return a row a family: sizes, shares, precedence structure, and what orders without learning reach.
 
     Args:
         dataset: What is measured; blueprints of two parts are left out.
         states: Random states looked at on each level of each blueprint.
+        most: Blueprints measured of each family, the first by a hash of their ids; all if None. Counts are of all.
         progress: Called with blueprints done and in all.
     """
     failures = _counted(row["family"] for row in dataset.failures)
     families = sorted({b.family for b in dataset if len(b) > 2} | set(failures))
     multi = [b for b in dataset if len(b) > 2]
+    chosen = []
+    for family in families:
+        members = sorted((b for b in multi if b.family == family), key=lambda b: sha256(b.id.encode()).digest())
+        chosen += members[:most]
     measured = []
-    for k, blueprint in enumerate(multi):
+    for k, blueprint in enumerate(chosen):
         measured.append(measure(blueprint, states=states))
-        progress(k + 1, len(multi))
+        progress(k + 1, len(chosen))
     out = []
     for family in families:
+        members = [b for b in multi if b.family == family]
         rows = [row for row in measured if row["family"] == family]
-        failed = failures.get(family, 0)
-        row: dict[str, Any] = {"family": family, "blueprints": len(rows), "failed": failed}
-        row["share"] = len(rows) / max(1, len(multi))
-        row["splits"] = _counted(entry["split"] for entry in rows)
+        row: dict[str, Any] = {"family": family, "blueprints": len(members), "failed": failures.get(family, 0)}
+        row["share"] = len(members) / max(1, len(multi))
+        row["splits"] = _counted(b.split for b in members)
         if rows:
-            parts = [entry["parts"] for entry in rows]
-            row |= {"parts": [min(parts), float(np.median(parts)), max(parts)]}
+            parts = [len(b) for b in members]
+            row |= {"parts": [min(parts), float(np.median(parts)), max(parts)], "measured": len(rows)}
             row |= {key: float(np.mean([entry[key] for entry in rows])) for key in MEASURES}
+            row["complete"] = float(np.mean([b.complete for b in members]))
         out.append(row)
     return out
 
@@ -123,8 +136,8 @@ def measure(blueprint: Blueprint, *, states: int = 1) -> dict[str, Any]:
 
 def nearest_neighbours(dataset: Dataset) -> dict[str, dict[str, float]]:
     """Return, by split, how far blueprints are from the nearest training one (root mean square of descriptors)."""
-    multi = np.array([len(b) > 2 for b in dataset])
-    splits = np.array([b.split for b in dataset])
+    multi = np.array([len(b) > 2 for b in dataset], dtype=bool)
+    splits = np.array([b.split for b in dataset], dtype=str)
     points = dataset.descriptors
     train = points[multi & (splits == TRAIN)]
     out = {}
@@ -150,6 +163,7 @@ def summary_lines(found: dict[str, Any]) -> list[str]:
     ]
     lines += [f"  {name:<16} {sequences[name]:>9} {paper.get(name, 0):>8}" for name in ("3", "4-7", "more")]
     lines += [f"  {'all':<16} {sum(sequences[n] for n in paper):>9} {sum(paper.values()):>8}"]
+    lines += [f"motions {found['moves']}, with a contact {found['contacts']}"]
     lines += ["parts: " + ", ".join(f"{n}: {count}" for n, count in sorted(found["parts"].items(), key=_as_number))]
     lines += ["orders: " + ", ".join(f"{n}: {count}" for n, count in sorted(found["orders"].items()))]
     lines += [f"failed: {reason} ({count})" for reason, count in found["failures"].items()]

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import pyarrow
 
 FORMAT, FORMAT_VERSION = "sashimono.d4pas", 1
+SOURCES = "sources.json"
+"""Where other people's assemblies are on this machine."""
 
 MADE_WITH = ("sashimono", "numpy", "scipy", "manifold3d", "numba", "pyarrow")
 """Packages whose versions the manifest names."""
@@ -88,6 +90,24 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             " install the release that made it"
         )
     return content
+
+
+def write_sources(out: Path, base: Path) -> None:
+    """Write where other people's assemblies are on this machine; it is no part of the dataset."""
+    temporary = out / f".{SOURCES}"
+    temporary.write_text(json.dumps({"folder": str(base)}) + "\n", encoding="utf-8")
+    os.replace(temporary, out / SOURCES)
+
+
+def read_sources(folder: Path) -> Path:
+    """Return the folder that the paths of other people's assemblies start from: the current one if none is known."""
+    path = folder / SOURCES
+    if not path.is_file():
+        return Path()
+    try:
+        return Path(json.loads(path.read_bytes())["folder"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f'{path}: should hold {{"folder": PATH}}; mend or remove it') from error
 
 
 def read_table(folder: Path, name: str) -> list[dict[str, Any]]:

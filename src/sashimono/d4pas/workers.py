@@ -14,6 +14,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from typing import Any, TypeVar
 
+from sashimono.errors import SashimonoError
+
 Item = TypeVar("Item")
 
 DIED = "the worker died, twice: out of memory, or a crash"
@@ -45,6 +47,13 @@ def _until_broken(
     context = multiprocessing.get_context("spawn")
     pending: dict[Future[dict[str, Any]], Item] = {}
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_follow_parent, initargs=(os.getpid(),))
+    try:
+        pool.submit(os.getpid).result()  # nothing that an item does
+    except BrokenProcessPool as error:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise SashimonoError(
+            "worker processes cannot start. A script calls this under: if __name__ == '__main__':"
+        ) from error
     try:
         while waiting or pending:
             while waiting and len(pending) < 2 * workers:

@@ -30,7 +30,7 @@ from sashimono.learning.config_files import TrainConfig, from_values, read_confi
 from sashimono.learning.devices import Place, find_place
 from sashimono.learning.evaluate import evaluate, heuristics, read_evaluation, write_evaluation
 from sashimono.learning.predictor import NetworkPredictor
-from sashimono.learning.registry import needs_more, prepared
+from sashimono.learning.registry import BY_REWARD, needs_more, prepared
 from sashimono.learning.report import table_one
 from sashimono.learning.train import CHECKPOINT, LOG, train
 from sashimono.learning.weights import Weights, load_model, read_weights
@@ -63,8 +63,13 @@ class Entry:
         return Path(self.config).stem if self.config.endswith(".toml") else self.config
 
     def read(self) -> TrainConfig:
-        """Return the training configuration."""
+        """Return the training configuration.
+
+        Raises InputError for a kind that a campaign does not train.
+        """
         found = read_config(self.config)
+        if found.kind == BY_REWARD:
+            raise InputError(f"{self.config}: a campaign trains no policies; run 'sashimono train {self.config}'")
         batch, optimizer = found.batch, found.optimizer
         if self.blueprints is not None:
             batch = replace(batch, blueprints=self.blueprints)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,8 @@ from sashimono.errors import InputError
 from sashimono.learning.cloud_cache import CloudConfig, Dataset
 
 if TYPE_CHECKING:
-    from sashimono.learning.evaluate import Evaluation
+    from sashimono.learning.config_files import TrainConfig
+    from sashimono.learning.evaluate import Evaluation, Predictor
 
 Say = Callable[[str], None]
 """Called with each line of progress."""
@@ -22,6 +24,15 @@ def require_torch() -> None:
     """Raise InputError if PyTorch is not installed."""
     if importlib.util.find_spec("torch") is None:
         raise InputError("training needs PyTorch. Install it with: pip install 'sashimono[train]'.")
+
+
+def require_rl() -> None:
+    """Raise InputError if what reinforcement learning needs is not installed."""
+    if any(importlib.util.find_spec(name) is None for name in ("gymnasium", "stable_baselines3")):
+        raise InputError(
+            "reinforcement learning needs Gymnasium and stable-baselines3. Install them with:"
+            " pip install 'sashimono[rl]'."
+        )
 
 
 def load_data(name: str) -> Dataset:
@@ -38,6 +49,7 @@ def train_command(
     data: str | Callable[[], Dataset] = "v1",
     steps: int | None = None,
     minutes: float | None = None,
+    seed: int | None = None,
     start: Path | None = None,
     cache: Path | None = None,
     device: str | None = None,
@@ -48,7 +60,8 @@ def train_command(
 ) -> int:
     """Train one configuration and write checkpoint, log and weights into ``out``; return the exit status.
 
-    Goes on from a checkpoint in ``out``. Under torchrun, each process takes its share of the batches.
+    Of `past-posed`, the exported network is written too, as ``out/network``. Goes on from a checkpoint in ``out``.
+    Under torchrun, each process takes its share of the batches.
 
     Args:
         config: A shipped training configuration, or a .toml file.
@@ -56,6 +69,7 @@ def train_command(
         data: A dataset's name or folder, or what returns it.
         steps: Instead of the configuration's.
         minutes: Train that long, whatever the steps.
+        seed: Instead of the configuration's.
         start: Weights to begin with.
         cache: Folder for clouds; ``out`` if not given.
         device: A GPU if there is one, unless given.
@@ -71,13 +85,19 @@ def train_command(
     from sashimono.learning.cloud_cache import make_cache
     from sashimono.learning.config_files import read_config
     from sashimono.learning.devices import find_place
-    from sashimono.learning.registry import prepared
+    from sashimono.learning.registry import BY_REWARD, prepared
     from sashimono.learning.train import train
     from sashimono.learning.weights import read_weights
 
     if threads is not None:
         torch.set_num_threads(threads)
-    asked = read_config(config, **({} if steps is None else {"steps": steps}))
+    changes = {"steps": steps, "seed": seed}
+    asked = read_config(config, **{name: value for name, value in changes.items() if value is not None})
+    if asked.kind == BY_REWARD:
+        return _train_by_reward(
+            asked, out, data=data, minutes=minutes, start=start, cache=cache, device=device, workers=workers,
+            clouds=clouds, say=say,
+        )  # fmt: skip
     dataset = data() if callable(data) else load_data(data)
     with find_place(device) as place:
         if place.is_first:
@@ -101,6 +121,52 @@ def train_command(
                 f"{done.steps} steps, {done.states} states in {done.minutes:.1f} min, {done.states_per_second:.0f}"
                 f" states a second, {done.outside:.0%} outside the network; {done.weights}"
             )
+            if asked.kind == "posed":
+                from sashimono.learning.export import export_posed
+
+                say(f"for infer --model: {export_posed(read_weights(done.weights), out / 'network')}")
+    return 0
+
+
+def _train_by_reward(
+    asked: TrainConfig,
+    out: Path,
+    *,
+    data: str | Callable[[], Dataset],
+    minutes: float | None,
+    start: Path | None,
+    cache: Path | None,
+    device: str | None,
+    workers: int,
+    clouds: CloudConfig | None,
+    say: Say,
+) -> int:
+    """Train a policy; arguments as for `train_command`."""
+    require_rl()
+    from sashimono.learning.baselines.episode import make_bench
+    from sashimono.learning.baselines.ppo import train_ppo
+    from sashimono.learning.cloud_cache import make_cache
+    from sashimono.learning.devices import find_place
+    from sashimono.learning.weights import read_weights
+
+    dataset = data() if callable(data) else load_data(data)
+    made = make_cache(dataset, cache or out, config=clouds, workers=workers)
+    rows = made.split(asked.split, limit=asked.limit, complete=not asked.incomplete)
+    bench = make_bench(made, dataset, rows, workers=workers)
+    with find_place(device) as place:
+        if place.world > 1:
+            raise InputError("reinforcement learning runs in one process; leave torchrun out")
+        done = train_ppo(
+            asked,
+            bench,
+            out,
+            device=place.device,
+            minutes=minutes,
+            start=None if start is None else read_weights(start).state,
+            card={"data": dataset.hash},
+            report=lambda row: say(_line(row)),
+        )
+    say(f"{done.steps} steps in {done.minutes:.1f} min, {done.states_per_second:.0f} a second; {done.weights}")
     return 0
 
 
@@ -153,6 +219,7 @@ def evaluate_command(
     states: int = 16,
     timed: int = 20,
     with_heuristics: bool = True,
+    ata: float | None = None,
     cache: Path | None = None,
     device: str | None = None,
     workers: int = 1,
@@ -161,8 +228,11 @@ def evaluate_command(
 ) -> int:
     """Evaluate trained models, and what needs no learning; write a JSON file each and print table I.
 
+    A policy is three methods (`sashimono.learning.baselines.playing`). Of policies of several seeds, called alike but
+    for a number at the end (``rl-0``, ``rl-1``), there is one more of each, with means and spread (``rl``).
+
     Args:
-        models: Files of weights; a method is called as its file.
+        models: Files of weights; a method is called as its file, or as the folder if several files are called alike.
         out: Folder to write into.
         data: A dataset's name or folder, or what returns it.
         splits: Splits to evaluate on.
@@ -170,6 +240,7 @@ def evaluate_command(
         states: States of each blueprint for one-step accuracy.
         timed: Blueprints inferred one at a time, for the time of a sequence.
         with_heuristics: Whether random orders, inside out and the rule are evaluated too.
+        ata: Whether Assemble-Them-All is too, and most seconds that it gets for one blueprint.
         cache: Folder for clouds; ``out`` if not given.
         device: A GPU if there is one, unless given.
         workers: Processes that make the clouds.
@@ -179,40 +250,77 @@ def evaluate_command(
     require_torch()
     import numpy as np
 
+    from sashimono.learning.baselines.ata import AtaPredictor
     from sashimono.learning.cloud_cache import make_cache
     from sashimono.learning.devices import find_place
-    from sashimono.learning.evaluate import evaluate, heuristics, write_evaluation
+    from sashimono.learning.evaluate import evaluate, heuristics, over_seeds, write_evaluation
     from sashimono.learning.predictor import NetworkPredictor
-    from sashimono.learning.registry import prepared
+    from sashimono.learning.registry import BY_REWARD, prepared
     from sashimono.learning.report import group_table, table_one
     from sashimono.learning.weights import load_model, read_weights
 
     dataset = data() if callable(data) else load_data(data)
     made = make_cache(dataset, cache or out, config=clouds, workers=workers)
-    read = {path.stem: read_weights(path) for path in models}
+    read = {name: read_weights(path) for name, path in _names(models).items()}
     made = prepared(made, dataset, [weights.config.kind for weights in read.values()], workers=workers)
     rows = np.concatenate([made.split(split, limit=limit) for split in splits])
     out.mkdir(parents=True, exist_ok=True)
     found: dict[str, Evaluation] = {}
-    if with_heuristics:
-        for name, method in heuristics(made).items():
+
+    def judge(methods: Mapping[str, Predictor]) -> None:
+        for name, method in methods.items():
             found[name] = evaluate(name, method, dataset, made, rows, states=states, timed=timed)
+
+    if with_heuristics:
+        judge(heuristics(made))
+    if ata is not None:
+        judge({"ata": AtaPredictor(data=dataset, seconds=ata)})
     with find_place(device) as place:
         tensors = made.to(place.device)
+        bench = None
+        if any(weights.config.kind == BY_REWARD for weights in read.values()):
+            from sashimono.learning.baselines.episode import make_bench
+
+            bench = make_bench(made, dataset, rows, workers=workers)
+        policies: dict[str, list[str]] = {}
         for name, weights in read.items():
-            predictor = NetworkPredictor(
-                model=load_model(weights, place.device),
-                clouds=tensors,
-                batch=weights.config.batch,
-                precision=weights.config.precision,
-            )
-            found[name] = evaluate(name, predictor, dataset, made, rows, states=states, timed=timed)
+            model, config = load_model(weights, place.device), weights.config
+            if bench is not None and config.kind == BY_REWARD:
+                from sashimono.learning.baselines.picker import Picker
+                from sashimono.learning.baselines.playing import playing_rows
+
+                assert isinstance(model, Picker)
+                methods = playing_rows(name, model, bench, config.batch, place.device)
+                for title in methods:
+                    policies.setdefault(re.sub(r"-\d+(?=$|-axes$|-retries$)", "", title), []).append(title)
+                judge(methods)
+            else:
+                options = {"batch": config.batch, "precision": config.precision}
+                judge({name: NetworkPredictor(model=model, clouds=tensors, **options)})
+    for name, seeds in policies.items():
+        if len(seeds) > 1:
+            found[name] = over_seeds(name, [found[title] for title in seeds])
     for name, evaluation in found.items():
         write_evaluation(out / f"{name.replace(' ', '-')}.json", evaluation)
     say(table_one(found))
     for group in ("by_split", "by_parts", "by_family"):
         say(group_table(found, group))
     return 0
+
+
+def _names(models: Sequence[Path]) -> dict[str, Path]:
+    """What each file's method is called.
+
+    Raises InputError if two are called alike.
+    """
+    stems = [path.stem for path in models]
+    named = {
+        stem if stems.count(stem) == 1 else path.resolve().parent.name: path
+        for stem, path in zip(stems, models, strict=True)
+    }
+    if len(named) < len(models):
+        raise InputError("two of these files, in folders called alike, have the same name; rename one")
+    return named
 
 
 def _line(row: dict[str, int | float]) -> str:

@@ -10,7 +10,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -19,7 +19,7 @@ import numpy as np
 from sashimono import __version__
 from sashimono.d4pas.heuristics import by_clearance, inside_out
 from sashimono.d4pas.states import right_next
-from sashimono.learning.cloud_cache import CloudCache, Dataset, LabelledBlueprint, shape_classes
+from sashimono.learning.cloud_cache import MOST_PARTS, CloudCache, Dataset, LabelledBlueprint, shape_classes
 
 MOST_STATES = 16
 """Most sets of placed parts that are followed at once when identical parts may be exchanged. With more, an order that
@@ -47,6 +47,15 @@ class Predictor(Protocol):
         ...
 
 
+@runtime_checkable
+class Timed(Protocol):
+    """A method that takes its own time, since it would take too long to infer blueprints once more."""
+
+    def milliseconds(self, blueprints: Sequence[int] | np.ndarray) -> dict[str, float]:
+        """Return median and 90 % quantile over blueprints that it was asked about, and what else it knows [ms]."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class Record:
     """What a method reached on one blueprint. Means are over states, each number of placed parts weighing the same."""
@@ -60,7 +69,7 @@ class Record:
     expected: float
     """Share of the probability that is on right parts: 1-Acc of a choice drawn by it."""
     argmax: float
-    """Share of states in which the most probable part is right."""
+    """Share of states in which the most probable part is right; who says nothing is not."""
     argmax_exchange: float
     """The same, if any remaining part of the same shape counts as right."""
     set_hits: float
@@ -153,7 +162,7 @@ def evaluate(
             one = one_step(blueprint, placed[k], right[k], probabilities[k])
             pose = None if errors is None else errors[k]
             records.append(_record(blueprint, one, orders[k], pose))
-    times = _times(predictor, chosen, cache, timed)
+    times = predictor.milliseconds(chosen) if isinstance(predictor, Timed) else _times(predictor, chosen, cache, timed)
     rng = np.random.default_rng(seed)
 
     def grouped(key: Callable[[Record], Any]) -> dict[str, dict[str, Interval]]:
@@ -214,8 +223,8 @@ def one_step(
     return {
         "chance": float(chance.mean()),
         "expected": float(np.where(total > 0, share, chance).mean()),
-        "argmax": float(wanted[rows, best].mean()),
-        "argmax_exchange": float((wanted & same).any(axis=1).mean()),
+        "argmax": float((wanted[rows, best] & (total > 0)).mean()),
+        "argmax_exchange": float(((wanted & same).any(axis=1) & (total > 0)).mean()),
         "set_hits": float((said & wanted).sum(axis=1).mean()),
         "set_said": float(said.sum(axis=1).mean()),
         "set_right": float(wanted.sum(axis=1).mean()),
@@ -329,13 +338,7 @@ class OrderPredictor:
 
     def probabilities(self, encoded: list[list[int]], placed: np.ndarray) -> np.ndarray:
         """Return 1 for the first part of the order that is not placed."""
-        out = np.zeros((*placed.shape, max(map(len, encoded))))
-        for k, order in enumerate(encoded):
-            for s, state in enumerate(placed[k]):
-                best = next((part for part in order if not int(state) >> part & 1), None)
-                if best is not None:
-                    out[k, s, best] = 1.0
-        return out
+        return probabilities_of_orders(encoded, placed)
 
     def orders(self, encoded: list[list[int]]) -> list[list[int]]:
         """Return the orders."""
@@ -344,6 +347,52 @@ class OrderPredictor:
     def pose_errors(self, encoded: list[list[int]]) -> None:
         """Return None: there are no poses."""
         return None
+
+
+def probabilities_of_orders(orders: Sequence[Sequence[int]], placed: np.ndarray) -> np.ndarray:
+    """Return 1 for the first part of each order that is not placed (B, S, part); nothing where there is none."""
+    out = np.zeros((*placed.shape, MOST_PARTS))
+    for k, order in enumerate(orders):
+        for s, state in enumerate(placed[k]):
+            best = next((part for part in order if not int(state) >> part & 1), None)
+            if best is not None:
+                out[k, s, best] = 1.0
+    return out
+
+
+def over_seeds(name: str, evaluations: Sequence[Evaluation]) -> Evaluation:
+    """Return several seeds' evaluations as one: each figure's mean, and one standard deviation over the seeds about it.
+
+    With one seed there is no spread, and its own intervals stay. All are of the same blueprints.
+    """
+    first = evaluations[0]
+    if len(evaluations) == 1:
+        return replace(first, name=name)
+
+    def together(groups: Sequence[Mapping[str, Interval]]) -> dict[str, Interval]:
+        out = {}
+        for figure in groups[0]:
+            values = np.array([group[figure].value for group in groups])
+            mean, spread = float(values.mean()), float(values.std(ddof=1))
+            out[figure] = Interval(value=mean, low=mean - spread, high=mean + spread)
+        return out
+
+    def grouped(group: str) -> dict[str, dict[str, Interval]]:
+        return {key: together([getattr(e, group)[key] for e in evaluations]) for key in getattr(first, group)}
+
+    return Evaluation(
+        name=name,
+        data=first.data,
+        records=tuple(record for evaluation in evaluations for record in evaluation.records),
+        overall=together([evaluation.overall for evaluation in evaluations]),
+        by_split=grouped("by_split"),
+        by_family=grouped("by_family"),
+        by_parts=grouped("by_parts"),
+        milliseconds={
+            key: float(np.mean([evaluation.milliseconds[key] for evaluation in evaluations]))
+            for key in first.milliseconds
+        },
+    )
 
 
 def heuristics(cache: CloudCache, *, seed: int = 0) -> dict[str, OrderPredictor]:

@@ -153,9 +153,9 @@ class Posed(nn.Module):
         """
         B, S, M = placed.shape
         there = placed.to(encoded.free.dtype)
-        # log of the probability that nothing placed is in the way, along each direction
-        clear = functional.logsigmoid(encoded.free)
-        ways = torch.einsum("bsj,bijk->bsik", there, clear)
+        # -log of the probability that nothing placed is in the way, along each direction
+        barred = functional.softplus(-encoded.free)
+        ways = torch.einsum("bsj,bijk->bsik", there, barred)
         rule = any_of(ways)
         if not self.config.rounds:
             return rule, torch.zeros_like(rule)
@@ -166,7 +166,7 @@ class Posed(nn.Module):
         gone = (encoded.present[:, None] & ~placed)[:, :, None, :] & other
         most_here, most_gone = masked_max(seen, here), masked_max(seen, gone)
         way = torch.cat([most_here, most_gone, most_here.amax(dim=3, keepdim=True).expand_as(most_here)], dim=-1)
-        way = self.way(torch.cat([way, (ways[..., :K, None] / 4).clamp(min=-2.0)], dim=-1)).amax(dim=3)
+        way = self.way(torch.cat([way, -(ways[..., :K, None] / 4).clamp(max=2.0)], dim=-1)).amax(dim=3)
         x = (way + encoded.token[:, None] + self.state(placed.long())).flatten(0, 1)
         for n, layer in enumerate(self.rounds):
             x = layer(x, encoded.pair[:, n].repeat_interleave(S, dim=0))
@@ -269,13 +269,17 @@ def others(parts: Tensor) -> Tensor:
     return k[:, None] != k
 
 
-def any_of(logs: Tensor) -> Tensor:
-    """Return the logit that some of the last axis holds, given the logs of their probabilities."""
-    logs = logs.clamp(max=-1e-6)
-    odds = functional.softplus(logs - torch.log(1.0 - torch.exp(logs))).sum(dim=-1)  # log of the product of 1 + odds
-    small = torch.log(odds.clamp(min=1e-30)) + odds / 2.0  # log(e^odds - 1) where the difference would lose digits
-    large = odds + torch.log(1.0 - torch.exp(-odds.clamp(min=1e-2)))
-    return torch.where(odds < 1e-2, small, large).clamp(NEVER, -NEVER)
+def any_of(no: Tensor) -> Tensor:
+    """Return the logit that some of the last axis holds, given -log of their probabilities."""
+    # logit(p) = log p - log(1 - p); the product of all 1 + odds is e to the sum of softplus of the logits
+    odds = functional.softplus(-no - log_of_rest(no)).sum(dim=-1)
+    return (odds + log_of_rest(odds)).clamp(NEVER, -NEVER)
+
+
+def log_of_rest(y: Tensor) -> Tensor:
+    """Return log(1 - e^-y), also where the difference would lose its digits."""
+    small = torch.log(y.clamp(min=1e-30)) - y / 2.0
+    return torch.where(y < 1e-2, small, torch.log(1.0 - torch.exp(-y.clamp(min=1e-2))))
 
 
 def both_of(a: Tensor, b: Tensor) -> Tensor:

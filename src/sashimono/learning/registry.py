@@ -37,6 +37,7 @@ KINDS = {
     ),
     "nsm": Kind(module="sashimono.learning.baselines.nsm", model="Nsm", config="NsmConfig"),
     "dgl": Kind(module="sashimono.learning.baselines.dgl", model="Dgl", config="DglConfig"),
+    "ppo": Kind(module="sashimono.learning.baselines.picker", model="Picker", config="PickerConfig"),
 }
 """All kinds; a module is imported when one of its kind is asked for."""
 
@@ -51,6 +52,10 @@ def classes(kind: str) -> tuple[Any, Any]:
     found = KINDS[kind]
     module = import_module(found.module)
     return getattr(module, found.model), getattr(module, found.config)
+
+
+BY_REWARD = "ppo"
+"""The kind that is trained by reinforcement, not by `sashimono.learning.train`."""
 
 
 def needs_more(kinds: Iterable[str]) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from numba import njit
 
-VERSION = 2
+VERSION = 3
 """Raised whenever the same clouds would give other numbers."""
 
 PATH_FEATURES = (
@@ -319,7 +319,8 @@ def _along(i, clouds, spacing, touches, touched, most, directions, paths, lines)
         total += touched[i, j]
     for k in range(K):
         d = directions[i, k]
-        _frame(d, frame)
+        first = abs(_dot(d, directions[i, 0])) < 0.8
+        _frame(d, directions[i, 0] if first else directions[i, 1], frame)
         facing = _project(clouds[i], frame, no_box, most, own, own_kinds, box)
         fronts = min(own_kinds[0], most)
         thinned_own = np.float32(spacing[i] * np.sqrt(max(1.0, facing / most)))
@@ -361,11 +362,8 @@ def _thinned(h, spacing, found, most):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _frame(d, frame):
-    """Fill in two directions across another, and it. Any frame will do: what is measured does not depend on it."""
-    m = 0 if abs(d[0]) < 0.6 else 1
-    other = np.zeros(3, np.float32)
-    other[m] = 1.0
+def _frame(d, other, frame):
+    """Fill in two directions across another, and it. They follow a line of the part, so that all turns with it."""
     _cross(d, other, frame[0])
     _cross(d, frame[0], frame[1])
     frame[2] = d

@@ -21,6 +21,7 @@ ROW_OF = {
     "nsm": "NSM",
     "dgl": "DGL",
     "ata": "ATA",
+    "ppo": "RL",
     "rl": "RL",
     "seg": "Seg-PAST",
     "noaux": "NoAux-PAST",

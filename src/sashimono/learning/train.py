@@ -131,7 +131,7 @@ def train(
         lossy = DistributedDataParallel(lossy)
     if config.compile:
         lossy = torch.compile(lossy)  # type: ignore[assignment]
-    writer = _LogWriter(out, done.step) if place.is_first else None
+    writer = LogWriter(out, done.step) if place.is_first else None
     meter = _Meter(done, place)
     model.train()
 
@@ -291,7 +291,7 @@ class _Stopwatch:
             self.seconds[self.what] += time.perf_counter() - self.begun
 
 
-class _LogWriter:
+class LogWriter:
     """``log.csv``, without lines from after the step that is gone on from; TensorBoard beside it if installed."""
 
     def __init__(self, out: Path, step: int) -> None:
