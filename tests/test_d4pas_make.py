@@ -129,16 +129,18 @@ def test_labels_that_say_too_little_are_found(made: Path, edit: dict[str, Any], 
     assert any(said in problem for problem in check_blueprint(blueprint, steps))
 
 
-def test_two_workers_make_the_same_bytes(book: Path, made: Path, tmp_path: Path) -> None:
-    make_dataset(str(book), tmp_path / "two", workers=2)
-    assert files_of(tmp_path / "two") == files_of(made)
+@pytest.mark.parametrize("workers", [2, pytest.param(4, marks=pytest.mark.slow)])
+def test_more_workers_make_the_same_bytes(book: Path, made: Path, tmp_path: Path, workers: int) -> None:
+    make_dataset(str(book), tmp_path / "more", workers=workers)
+    assert files_of(tmp_path / "more") == files_of(made)
 
 
-def test_killed_at_any_moment_it_goes_on(book: Path, made: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kills", [(2, 4), pytest.param((1, 2, 4, 5, 6), marks=pytest.mark.slow)])
+def test_killed_at_any_moment_it_goes_on(book: Path, made: Path, tmp_path: Path, kills: tuple[int, ...]) -> None:
     out = tmp_path / "killed"
     command = [sys.executable, "-m", "sashimono", "dataset", "make", str(book), "--out", str(out)]
     journal = out / "journal.jsonl"
-    for lines in (2, 4):
+    for lines in kills:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         while process.poll() is None and not (journal.exists() and journal.read_bytes().count(b"\n") >= lines):
             time.sleep(0.02)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -295,12 +294,10 @@ def test_assemble_them_all_is_judged_and_timed(data: ToyDataset, cache: CloudCac
 
 
 def test_assemble_them_all_stops_in_time_and_stays_in_the_denominator(data: ToyDataset, cache: CloudCache) -> None:
-    begun = time.perf_counter()
-    found = evaluate("ata", AtaPredictor(data=data, seconds=0.02), data, cache, np.arange(3))
-    assert time.perf_counter() - begun < 20.0
+    found = evaluate("ata", AtaPredictor(data=data, seconds=1e-4), data, cache, np.arange(3))
     assert found.overall["blueprints"].value == 3
     assert found.overall["sequence"].value == found.overall["argmax"].value == 0.0
-    assert found.milliseconds["median"] >= 20.0
+    assert found.milliseconds["median"] >= 0.1
 
 
 @needs_rl
