@@ -195,7 +195,7 @@ def test_a_ridge_lower_than_the_tolerance_proves_nothing() -> None:
     pocket -= box((0.0101, 0.01, 0.02), (0.01515, 0.005, 0.01))
     pocket += box((0.0001, 0.01, 0.0001), (0.01005, 0.005, 0.00005))
     parts = assembly(block=box((0.01, 0.01, 0.01), (0.005, 0.005, 0.005)), pocket=pocket)
-    said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).further(0, 0b11)
+    said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).separate(0, 0b11)
     assert said.removal is not None, said.reason
     assert not problems(parts, parts.parts[0], [parts.parts[1]], said.removal)
 
