@@ -15,8 +15,8 @@ from common import SHARED, chosen, machine, parser, table, write_json
 
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.separate import Cascade, SeparateConfig
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.masks import bits
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
 

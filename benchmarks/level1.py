@@ -19,8 +19,8 @@ from common import SHARED, chosen, machine, parser, table, write_json
 
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
 from sashimono.io.read import read_assembly
 
 Manifold = manifold3d.Manifold

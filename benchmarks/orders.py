@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from common import SHARED, chosen, machine, parser, table, write_json
 
-from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
-from sashimono.disassembly.orders import OrdersConfig, count_orders, find_precedence, random_walk
+from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
+from sashimono.disassembly.conditions.orders import OrdersConfig, count_orders, find_precedence, random_walk
 from sashimono.disassembly.removal import Removal
 
 UP = Removal.straight(np.array([0.0, 0.0, 1.0]), 1.0)

@@ -26,10 +26,10 @@ from scipy.spatial.transform import Rotation
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.contact import ContactConfig, Executability
-from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.blocking import Blocking, BlockingConfig
-from sashimono.disassembly.physics import PhysicsConfig
-from sashimono.disassembly.sequence import DisassemblyResult
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
+from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
+from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
 from sashimono.verify import VerifyConfig

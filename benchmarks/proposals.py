@@ -21,12 +21,13 @@ from common import SHARED, chosen, kind_of, machine, parser, table, write_json
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.separate import Cascade, SeparateConfig, Separation
-from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.separation import Separation, Stage
+from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
 from sashimono.io.read import read_assembly
 from sashimono.learning.infer import assembly_clouds, encode_clouds, load_network, take_apart
 
-HARD = ("unscrewed", "further", "pushed")
+HARD = ("thread", "translation", "physics")
 
 
 class CountingCascade(Cascade):
@@ -35,22 +36,17 @@ class CountingCascade(Cascade):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.asked: Counter[str] = Counter()
+        along = self.directions.along
 
-    def single(self, *args: Any, **kwargs: Any) -> Separation | None:
-        self.asked["single"] += 1
-        return super().single(*args, **kwargs)
+        def counted(*args: Any, **kwargs: Any) -> Separation | None:
+            self.asked["blocking"] += 1
+            return along(*args, **kwargs)
 
-    def unscrewed(self, part: int, remaining: int) -> Separation:
-        self.asked["unscrewed"] += 1
-        return super().unscrewed(part, remaining)
+        self.directions.along = counted
 
-    def further(self, part: int, remaining: int) -> Separation:
-        self.asked["further"] += 1
-        return super().further(part, remaining)
-
-    def pushed(self, part: int, remaining: int) -> Separation:
-        self.asked["pushed"] += 1
-        return super().pushed(part, remaining)
+    def _ask(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
+        self.asked[stage.name] += 1
+        return super()._ask(stage, part, remaining, max_traced)
 
 
 def main() -> None:
@@ -95,7 +91,7 @@ def measure(folder: Path, assembly: Assembly, orders: dict[str, Callable[[Assemb
         row[who] = {
             "complete": not found.stuck,
             "questions": cascade.asked.total(),
-            **{stage: cascade.asked[stage] for stage in ("single", *HARD)},
+            **{stage: cascade.asked[stage] for stage in ("blocking", *HARD)},
             "seconds": round(time.process_time() - start, 3),
             "proposing": round(proposing, 3),
         }
@@ -109,7 +105,7 @@ def summarise(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "complete": sum(row["complete"] for row in rows),
         "questions": sum(row["questions"] for row in rows),
         "hard": sum(row[stage] for row in rows for stage in HARD),
-        "pushed": sum(row["pushed"] for row in rows),
+        "physics": sum(row["physics"] for row in rows),
         "median s": round(float(np.median([row["seconds"] for row in rows])), 3),
         "sum s": round(sum(row["seconds"] for row in rows), 1),
     }

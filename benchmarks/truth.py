@@ -25,9 +25,9 @@ from witnesses import Witnesses
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
-from sashimono.disassembly.separate import Cascade, SeparateConfig
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
+from sashimono.disassembly.masks import bits
 from sashimono.geometry.directions import sphere_directions
 from sashimono.io.read import read_assembly
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, Part
-from sashimono.disassembly.blocking import bits
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.verify.motions import MotionCheck

@@ -9,6 +9,9 @@ from sashimono.assembly import Assembly, Part
 
 Manifold = manifold3d.Manifold
 
+LEAD = 0.01
+"""Of a bolt, per turn [m]."""
+
 
 def box(size: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Manifold:
     """A box of this size centred at a point."""
@@ -105,3 +108,39 @@ def pairs_in_pairs() -> Assembly:
     halves = (half.transform(turned) - box((0.08, 0.06, 0.1)) for half in sliding_halves((0.14, 0.16, 0.06)))
     bottom, top = (part(name, half) for name, half in zip(("bottom", "top"), halves, strict=True))
     return Assembly(parts=(bottom, top, *pair_in_pair().parts))
+
+
+def bolt(radius: float, ridge: float, length: float, *, lead: float = LEAD) -> Manifold:
+    """A circle off the axis, extruded with a twist; for a left-hand thread mirrored, lest its diagonals lie askew."""
+    offset = manifold3d.CrossSection.circle(radius, 64).translate((ridge, 0.0))
+    turned = offset.extrude(length, int(48 * length / abs(lead)), 360.0 * length / abs(lead))
+    turned = turned.translate((0.0, 0.0, -length / 2))
+    return turned if lead > 0.0 else turned.mirror((1.0, 0.0, 0.0))
+
+
+def screwed(clearance: float, *, lead: float = LEAD, phase: float = 0.0) -> Assembly:
+    """A bolt in a nut, both wound; the bolt turned by ``phase`` [degrees] from where it fits."""
+    nut = rod(0.02, 0.012) - bolt(0.01 + clearance, 0.003, 0.02, lead=lead)
+    return assembly(nut=nut, bolt=bolt(0.01, 0.003, 0.02, lead=lead).rotate((0.0, 0.0, phase)))
+
+
+def bayonet() -> Assembly:
+    """A plug with two lugs, caught in a socket's ring groove that is open for 60 degrees up to a slot along z."""
+    lugs = box((0.02, 0.004, 0.004))
+    slot = box((0.0204, 0.0044, 0.015), (0.0, 0.0, 0.0075))
+    angles = np.radians(np.linspace(84.0, 159.2, 7))
+    wedge = [(0.0, 0.0), *((0.012 * np.cos(t), 0.012 * np.sin(t)) for t in angles)]
+    stop = manifold3d.CrossSection([wedge]).extrude(0.01).translate((0.0, 0.0, -0.005))
+    stops = (stop + stop.rotate((0.0, 0.0, 180.0))) - rod(0.0062, 0.02, segments=96)
+    hole = rod(0.0062, 0.06, segments=96) + slot + rod(0.0102, 0.0044, segments=96)
+    socket = rod(0.015, 0.02, segments=96) - hole + stops
+    return assembly(socket=socket, plug=rod(0.006, 0.04, segments=96) + lugs.rotate((0.0, 0.0, 60.0)))
+
+
+def keyhole() -> Assembly:
+    """A panel on a headed stud in a wall: it slides up until the head is before the wide hole, then comes off."""
+    stud = rod(0.004, 0.02, (0.0, 0.0, 0.01)) + rod(0.008, 0.004, (0.0, 0.0, 0.0173))
+    wall = box((0.06, 0.1, 0.01), (0.0, 0.0, -0.005)) + stud
+    slot = rod(0.0045, 0.03) + box((0.009, 0.03, 0.03), (0.0, -0.015, 0.0)) + rod(0.009, 0.03, (0.0, -0.03, 0.0))
+    panel = box((0.05, 0.09, 0.015), (0.0, 0.0, 0.0076)) - slot
+    return assembly(wall=wall, panel=panel)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,25 @@ LEVELS = [
     {"cli"},
 ]
 """Lowest first; a unit is a module or package right below `sashimono`."""
+
+ROOMS = {
+    "disassembly": [
+        {"masks", "removal", "refusal"},
+        {"separation"},
+        {"blocking"},
+        {"paths"},
+        {"translation", "threads", "physics"},
+        {"config", "inquiry"},
+        {"conditions"},
+        {"cascade"},
+        {"sequence"},
+        {"explanation"},
+    ]
+}
+"""Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
+
+ALGORITHMS = {"geometry", "disassembly", "motion", "contact", "tree"}
+"""Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}
 """The only imports within a level."""
@@ -91,7 +111,7 @@ def in_package(path: Path) -> Iterator[tuple[str, str]]:
 
 def of_an_extra() -> set[str]:
     """Return the modules that need an extra: Warp's kernels, and what of learning imports PyTorch or Gymnasium."""
-    found = {"sashimono.disassembly.batch_kernels"}
+    found = {"sashimono.disassembly.physics.batch_kernels"}
     while True:
         needed = {"torch", "gymnasium", "stable_baselines3", *found}
         more = {
@@ -128,6 +148,47 @@ def test_imports_point_downward(path: Path) -> None:
         if other != unit and rank[other] >= rank[unit] and (unit, other) not in SAME_LEVEL
     ]
     assert upward == []
+
+
+@pytest.mark.parametrize("package", ROOMS)
+def test_imports_between_rooms_point_downward(package: str) -> None:
+    rank = {name: k for k, names in enumerate(ROOMS[package]) for name in names}
+    upward = []
+    for path in sorted((PACKAGE / package).rglob("*.py")):
+        room = path.relative_to(PACKAGE / package).with_suffix("").parts[0]
+        if room == "__init__":
+            continue
+        assert room in rank, f"{room} has no place: add it to ROOMS"
+        for unit, name in in_package(path):
+            if unit != package:
+                continue
+            other = name.split(".")[1]
+            assert other in rank, f"{path}: {name} is no room"
+            if other != room and rank[other] >= rank[room]:
+                upward.append(f"{module_of(path)} -> {name}")
+    assert upward == []
+
+
+def test_no_two_files_of_the_algorithms_import_each_other_in_a_circle() -> None:
+    names = {module_of(path) for path in MODULES}
+    graph = {
+        module_of(path): {name if name in names else name.rpartition(".")[0] for _, name in in_package(path)}
+        for path in MODULES
+        if unit_of(path) in ALGORITHMS
+    }
+    assert graph
+    list(TopologicalSorter(graph).static_order())
+
+
+def test_algorithms_read_and_write_no_files() -> None:
+    found = {
+        f"{module_of(path)} -> {name}"
+        for path in MODULES
+        if unit_of(path) in ALGORITHMS
+        for unit, name in in_package(path)
+        if unit == "io"
+    }
+    assert found == set()
 
 
 def test_verify_shares_no_code_with_the_planner() -> None:

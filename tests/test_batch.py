@@ -10,12 +10,12 @@ import solids
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.batch import BatchConfig, BatchSimulator, Push
-from sashimono.disassembly.blocking import Blocking, BlockingConfig
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.paths import Paths
-from sashimono.disassembly.physics import PhysicsConfig, pushes_at
-from sashimono.disassembly.simulate import SimulateConfig, Simulated, simulate
+from sashimono.disassembly.physics.batch import BatchConfig, BatchSimulator, Push
+from sashimono.disassembly.physics.push import SimulateConfig, Simulated, simulate
+from sashimono.disassembly.physics.search import PhysicsConfig, pushes_at
+from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.errors import SashimonoError
 from sashimono.io.read import read_assembly
 

@@ -13,9 +13,10 @@ from solids import assembly, box, part, rod
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
 from sashimono.console import summary_lines
-from sashimono.disassembly.declared import DeclareConfig
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.sequence.departures import DisassemblyResult
+from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
+from sashimono.disassembly.threads.declared import DeclareConfig
 from sashimono.geometry import se3
 from sashimono.geometry.screw import Screw, between
 from sashimono.geometry.tube import TubeConfig, fit_tube, shared_body

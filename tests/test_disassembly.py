@@ -21,13 +21,15 @@ from solids import (
 
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.clauses import minimal
-from sashimono.disassembly.physics import PhysicsConfig
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import DisassemblyResult, SequenceConfig, find_disassembly
-from sashimono.disassembly.subassembly import find_subassembly
-from sashimono.disassembly.translation import TranslationConfig
+from sashimono.disassembly.blocking.groups import find_subassembly
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.conditions.clauses import minimal
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.sequence.departures import DisassemblyResult
+from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
+from sashimono.disassembly.translation.search import TranslationConfig
 from sashimono.geometry import se3
 from sashimono.plan import Answer
 
@@ -80,7 +82,7 @@ def test_a_ball_in_a_fitting_socket_is_proven_blocked() -> None:
     """A cube in a cube-shaped void: every direction runs into a wall, which is a proof and named as one."""
     void = box((0.04, 0.04, 0.04)) - box((0.02, 0.02, 0.02))
     parts = assembly(shell=void, cube=box((0.02, 0.02, 0.02)))
-    separation = cascade_of(parts).further(1, 0b11)
+    separation = cascade_of(parts).translations.separate(1, 0b11, max_traced=0)
     assert separation.answer is Answer.PROVEN_BLOCKED
     assert separation.blocked_by == (0,)
     assert "translations" in separation.reason
@@ -90,7 +92,7 @@ def test_two_translations_where_one_is_not_enough() -> None:
     parts = l_tunnel()
     cascade = cascade_of(parts)
     assert not any(cascade.blocking.is_free(1, s, 0b01) for s in range(cascade.blocking.count_signed) if s % 2 == 0)
-    separation = cascade.further(1, 0b11)
+    separation = cascade.translations.separate(1, 0b11, max_traced=0)
     assert separation.answer is Answer.FREE
     assert separation.removal is not None
 
@@ -120,7 +122,7 @@ def z_tunnel() -> Assembly:
 @pytest.mark.parametrize(("make", "legs"), [(l_tunnel, 1), (z_tunnel, 3)])
 def test_tunnels_without_clearance(make, legs: int, T: np.ndarray) -> None:
     for part in (0, 1):
-        separation = cascade_of(turned(make(), T)).further(part, 0b11)
+        separation = cascade_of(turned(make(), T)).translations.separate(part, 0b11, max_traced=0)
         assert separation.answer is Answer.FREE
         assert separation.removal is not None
         assert len(separation.removal.displacements) >= legs + 1
@@ -131,7 +133,7 @@ def test_a_loose_cage_is_proven_by_its_configuration_space(T: np.ndarray) -> Non
     """A cube that rattles in a box with a window too small for it: no contact proves anything, the lattice does."""
     void = box((0.06, 0.06, 0.06)) - box((0.04, 0.04, 0.04)) - box((0.014, 0.014, 0.1))
     parts = turned(assembly(shell=void, cube=box((0.02, 0.02, 0.02)), aside=box((0.01, 0.01, 0.01), (0.1, 0, 0))), T)
-    separation = cascade_of(parts).further(1, 0b111)
+    separation = cascade_of(parts).translations.separate(1, 0b111, max_traced=0)
     assert separation.answer is Answer.PROVEN_BLOCKED
     assert separation.stage == "translation"
     assert separation.blocked_by == (0,)
@@ -140,7 +142,8 @@ def test_a_loose_cage_is_proven_by_its_configuration_space(T: np.ndarray) -> Non
 
 def test_a_loose_cage_with_a_window_just_wide_enough_is_not_proven() -> None:
     void = box((0.06, 0.06, 0.06)) - box((0.04, 0.04, 0.04)) - box((0.02, 0.02, 0.1))
-    separation = cascade_of(assembly(shell=void, cube=box((0.02, 0.02, 0.02), (0.005, -0.003, 0.0)))).further(1, 0b11)
+    parts = assembly(shell=void, cube=box((0.02, 0.02, 0.02), (0.005, -0.003, 0.0)))
+    separation = cascade_of(parts).translations.separate(1, 0b11, max_traced=0)
     assert separation.answer is Answer.FREE
 
 
@@ -154,9 +157,12 @@ def test_a_motion_found_answers_for_every_set_without_the_parts_it_would_hit() -
         T_world_part=se3.make(None, np.array([0.5, 0, 0])),
     )
     cascade = cascade_of(Assembly(parts=(*parts.parts, far)))
-    first = cascade.further(0, 0b011)
+    inquiry = cascade.inquire()
+    first = inquiry.ask(cascade.translations, 0, 0b011)
     assert first.answer is Answer.FREE
-    assert cascade.further(0, 0b111) is first or first.removal is not None
+    assert not first.hits & 0b100
+    assert inquiry.ask(cascade.translations, 0, 0b111) is first
+    assert cascade.inquire().ask(cascade.translations, 0, 0b111) is not first, "another inquiry was not told"
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -172,7 +178,7 @@ def test_a_proof_holds_with_more_obstacles_and_no_motion_is_lost_with_fewer(seed
         if k < 6:
             solids[f"wall{k}"] = box(tuple(size.tolist()), tuple(at.tolist()))
     cascade = cascade_of(assembly(**solids))
-    answers = {s: cascade._ask_further(0, s << 1) for s in range(3, 64, 3)}
+    answers = {s: cascade.translations.separate(0, s << 1 | 1, max_traced=0) for s in range(3, 64, 3)}
     for small, at_small in answers.items():
         for large, at_large in answers.items():
             if small & ~large == 0 and at_large.answer is Answer.FREE:
@@ -245,7 +251,7 @@ def test_a_group_refused_is_not_taken_again() -> None:
     parts = pair_in_pair()
     cascade = cascade_of(parts)
     first = find_disassembly(cascade, config=SequenceConfig()).removals[0]
-    second = find_disassembly(cascade, config=SequenceConfig(), banned=frozenset({first.ban})).removals[0]
+    second = find_disassembly(cascade, config=SequenceConfig(), refused=frozenset({first.refusal})).removals[0]
     assert second.members == first.members
     assert second.separation.signed != first.separation.signed
 
@@ -338,9 +344,9 @@ def test_a_part_whose_motion_was_refused_is_still_spoken_of() -> None:
     """Nothing is lost between the levels: what may not leave any more is stuck, with a reason."""
     parts = peg_in_plate()
     cascade = cascade_of(parts)
-    every = range(-1, cascade.blocking.count_signed)
-    banned = frozenset((1 << part, signed) for part in range(2) for signed in every)
-    result = find_disassembly(cascade, config=SequenceConfig(), banned=banned)
+    every = [None, *range(cascade.blocking.count_signed)]
+    refused = frozenset(Refusal(members=1 << part, signed=signed) for part in range(2) for signed in every)
+    result = find_disassembly(cascade, config=SequenceConfig(), refused=refused)
     assert result.removals == ()
     ((part, separation),) = result.stuck
     assert {part, result.base} == {0, 1}

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sashimono.disassembly.clauses import minimal
-from sashimono.disassembly.enumeration import Said, enumerate_clauses
+from sashimono.disassembly.conditions.clauses import minimal
+from sashimono.disassembly.conditions.enumeration import Said, enumerate_clauses
 
 PARTS = 6
 BUDGETS = {"max_queries": 1000, "max_unproven": 1000, "max_undecided": 1000}

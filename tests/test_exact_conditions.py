@@ -8,14 +8,14 @@ from solids import assembly, box, l_tunnel, rod
 
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.clauses import RemovalConditions
-from sashimono.disassembly.cspace import Space, SpaceConfig
-from sashimono.disassembly.flood import label
-from sashimono.disassembly.meeting import Drawn, SceneBuilder, shell
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.conditions.clauses import RemovalConditions
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.removal import Removal
-from sashimono.disassembly.separate import Cascade, SeparateConfig
+from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
+from sashimono.disassembly.translation.flood import label
+from sashimono.disassembly.translation.meeting import Drawn, SceneBuilder, shell
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
 from sashimono.verify.body import Body
@@ -195,7 +195,7 @@ def test_a_ridge_lower_than_the_tolerance_proves_nothing() -> None:
     pocket -= box((0.0101, 0.01, 0.02), (0.01515, 0.005, 0.01))
     pocket += box((0.0001, 0.01, 0.0001), (0.01005, 0.005, 0.00005))
     parts = assembly(block=box((0.01, 0.01, 0.01), (0.005, 0.005, 0.005)), pocket=pocket)
-    said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).further(0, 0b11)
+    said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).separate(0, 0b11)
     assert said.removal is not None, said.reason
     assert not problems(parts, parts.parts[0], [parts.parts[1]], said.removal)
 

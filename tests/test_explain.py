@@ -13,11 +13,11 @@ from solids import assembly, box, box_with_lid, linked_rings, rod
 from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies
 from sashimono.cli import BAD_INPUT, NO_PLAN, OK, run
-from sashimono.disassembly.explain import BlockedDirection, Explanation, explain_part, explain_stuck
-from sashimono.disassembly.explain_report import direction_name, explanation_lines, explanations_as_dict
-from sashimono.disassembly.obstruction import ObstructionConfig, find_obstruction
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.translation import TranslationConfig
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.explanation.explain import BlockedDirection, Explanation, explain_part, explain_stuck
+from sashimono.disassembly.explanation.obstruction import ObstructionConfig, find_obstruction
+from sashimono.disassembly.explanation.report import direction_name, explanation_lines, explanations_as_dict
+from sashimono.disassembly.translation.search import TranslationConfig
 from sashimono.io.checks import find_overlaps
 from sashimono.io.raw import ReadConfig
 from sashimono.plan import Answer

@@ -12,10 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sashimono.disassembly.and_or import and_or_graph
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.clauses import Clause, RemovalConditions, minimal
-from sashimono.disassembly.orders import (
+from sashimono.disassembly.conditions.and_or import and_or_graph
+from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
+from sashimono.disassembly.conditions.orders import (
     OrdersConfig,
     conditions_as_dict,
     count_orders,
@@ -23,6 +22,7 @@ from sashimono.disassembly.orders import (
     iterate_orders,
     random_walk,
 )
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.removal import Removal
 
 UP = Removal.straight(np.array([0.0, 0.0, 1.0]), 1.0)

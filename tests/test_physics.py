@@ -4,19 +4,19 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import manifold3d
 import numpy as np
 import pytest
-from solids import assembly, box, linked_rings, peg_in_plate, rod
+from solids import assembly, bayonet, box, linked_rings, peg_in_plate, rod
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
-from sashimono.disassembly.friction import Contacts, sliding_twist
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import Paths
-from sashimono.disassembly.physics import PhysicsConfig, PhysicsResult, pushes_at, search_physics
-from sashimono.disassembly.simulate import SimulateConfig, simulate
+from sashimono.disassembly.physics.contact_solver import Contacts, sliding_twist
+from sashimono.disassembly.physics.push import SimulateConfig, simulate
+from sashimono.disassembly.physics.search import PhysicsConfig, PhysicsResult, pushes_at, search_physics
+from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.geometry import se3
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.screw import Screw, adjoint, between, march_screw
@@ -50,19 +50,6 @@ def slanted_slot(angle: float) -> Assembly:
     slider = box((0.02, 0.01, 0.01)).transform(frame)
     slot = box((0.08, 0.01, 0.01), (0.03, 0.0, 0.0)).transform(frame)
     return assembly(block=box((0.05, 0.04, 0.05)) - slot, slider=slider)
-
-
-def bayonet() -> Assembly:
-    """A plug with two lugs, caught in a socket's ring groove that is open for 60 degrees up to a slot along z."""
-    lugs = box((0.02, 0.004, 0.004))
-    slot = box((0.0204, 0.0044, 0.015), (0.0, 0.0, 0.0075))
-    angles = np.radians(np.linspace(84.0, 159.2, 7))
-    wedge = [(0.0, 0.0), *((0.012 * np.cos(t), 0.012 * np.sin(t)) for t in angles)]
-    stop = manifold3d.CrossSection([wedge]).extrude(0.01).translate((0.0, 0.0, -0.005))
-    stops = (stop + stop.rotate((0.0, 0.0, 180.0))) - rod(0.0062, 0.02, segments=96)
-    hole = rod(0.0062, 0.06, segments=96) + slot + rod(0.0102, 0.0044, segments=96)
-    socket = rod(0.015, 0.02, segments=96) - hole + stops
-    return assembly(socket=socket, plug=rod(0.006, 0.04, segments=96) + lugs.rotate((0.0, 0.0, 60.0)))
 
 
 def test_a_push_along_a_wall_slides_and_one_within_the_friction_cone_sticks() -> None:

@@ -23,6 +23,7 @@ from sashimono.plan import (
     Contact,
     DeclaredHelix,
     Motion,
+    MotionClass,
     Segment,
     Step,
     Subassembly,
@@ -115,6 +116,7 @@ def step_of(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
 
 
 steps = st.recursive(single_steps, step_of, max_leaves=3)
+about_unsolved = {"part": names, "blocked_by": st.lists(names, max_size=2).map(tuple), "reason": names}
 plans = recipe(
     AssemblyPlan,
     status=st.sampled_from(["complete", "partial"]),
@@ -124,12 +126,9 @@ plans = recipe(
     steps=st.lists(steps, max_size=2).map(tuple),
     unsolved=st.lists(
         recipe(
-            Unsolved,
-            part=names,
-            answer=st.sampled_from([Answer.PROVEN_BLOCKED, Answer.UNKNOWN]),
-            blocked_by=st.lists(names, max_size=2).map(tuple),
-            reason=names,
-        ),
+            Unsolved, answer=st.just(Answer.PROVEN_BLOCKED), proven_for=st.sampled_from(MotionClass), **about_unsolved
+        )
+        | recipe(Unsolved, answer=st.just(Answer.UNKNOWN), **about_unsolved),
         max_size=2,
     ).map(tuple),
     table=tables,

@@ -5,33 +5,18 @@ from itertools import pairwise
 import manifold3d
 import numpy as np
 import pytest
-from solids import assembly, part, peg_in_plate, rod
+from solids import LEAD, bolt, part, peg_in_plate, rod, screwed
 
-from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import Paths
-from sashimono.disassembly.unscrew import Threads, UnscrewConfig, search_unscrew
+from sashimono.disassembly.threads.surface import Threads, UnscrewConfig, search_unscrew
 from sashimono.geometry import se3
 from sashimono.geometry.helix import HelixConfig, fit_helix
 from sashimono.geometry.screw import Screw, between
 
-LEAD = 0.01
 Z = np.array([0.0, 0.0, 1.0])
-
-
-def bolt(radius: float, ridge: float, length: float, *, lead: float = LEAD) -> manifold3d.Manifold:
-    """A circle off the axis, extruded with a twist; for a left-hand thread mirrored, lest its diagonals lie askew."""
-    offset = manifold3d.CrossSection.circle(radius, 64).translate((ridge, 0.0))
-    turned = offset.extrude(length, int(48 * length / abs(lead)), 360.0 * length / abs(lead))
-    turned = turned.translate((0.0, 0.0, -length / 2))
-    return turned if lead > 0.0 else turned.mirror((1.0, 0.0, 0.0))
-
-
-def screwed(clearance: float, *, lead: float = LEAD, phase: float = 0.0) -> Assembly:
-    """A bolt in a nut, both wound; the bolt turned by ``phase`` [degrees] from where it fits."""
-    nut = rod(0.02, 0.012) - bolt(0.01 + clearance, 0.003, 0.02, lead=lead)
-    return assembly(nut=nut, bolt=bolt(0.01, 0.003, 0.02, lead=lead).rotate((0.0, 0.0, phase)))
 
 
 @pytest.mark.parametrize("lead", [LEAD, -LEAD])

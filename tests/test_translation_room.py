@@ -7,8 +7,8 @@ from manifold3d import Manifold
 from solids import assembly, box
 
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.cspace import Space, SpaceConfig
-from sashimono.disassembly.separate import Cascade, SeparateConfig
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
 from sashimono.plan import Answer
 
 
@@ -18,7 +18,7 @@ def test_a_wide_plate_with_play_on_a_small_rivet_is_proven_held() -> None:
     rivet += Manifold.cylinder(0.002, 0.002, 0.002, 12).translate((0, 0, 0.012))
     hole = Manifold.cylinder(0.1, 0.00104, 0.00104, 12, True)
     parts = assembly(plate=box((0.04, 0.04, 0.002), (0.01, 0.01, 0.006)) - hole, rivet=rivet)
-    said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).further(0, 0b11)
+    said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).separate(0, 0b11)
     assert said.answer is Answer.PROVEN_BLOCKED
 
 

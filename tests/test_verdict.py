@@ -7,10 +7,10 @@ import pytest
 from solids import assembly, box, part, rod
 
 from sashimono.bodies import make_bodies, make_body
-from sashimono.disassembly.physics import PhysicsConfig
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import SequenceConfig, find_disassembly
-from sashimono.disassembly.verdict import VerdictConfig, least_give
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence.reasons import VerdictConfig, least_give
 from sashimono.geometry.overlap import intersection_depth
 from sashimono.verify import VerifyConfig
 from sashimono.verify.body import Body as CheckedBody

@@ -9,7 +9,18 @@ from jaxtyping import Float
 
 from sashimono.assembly import Assembly, Part, Source
 from sashimono.geometry import se3
-from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Subassembly, Table, Unsolved
+from sashimono.plan import (
+    Answer,
+    AssemblyPlan,
+    Contact,
+    Motion,
+    MotionClass,
+    Segment,
+    Step,
+    Subassembly,
+    Table,
+    Unsolved,
+)
 
 NAMES = ("block_0", "block_1", "block_2", "block_3")
 HOSTILE_NAMES = (
@@ -75,7 +86,13 @@ def stacked_blocks(names: tuple[str, ...] = NAMES, *, unsolved: int = 0) -> tupl
         order=names[:solved],
         steps=tuple(_step(k, names, parts[k].T_world_part) for k in range(solved)),
         unsolved=tuple(
-            Unsolved(part=name, answer=Answer.PROVEN_BLOCKED, blocked_by=(names[0],), reason="held by a hook")
+            Unsolved(
+                part=name,
+                answer=Answer.PROVEN_BLOCKED,
+                blocked_by=(names[0],),
+                reason="held by a hook",
+                proven_for=MotionClass.TRANSLATIONS,
+            )
             for name in names[solved:]
         ),
         table=Table(normal=np.array([0.0, 0.0, 1.0]), offset=0.0),

@@ -26,7 +26,7 @@ from sashimono.outputs import refuse_bad_files, refuse_unwritable, replacing_tog
 
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
-    from sashimono.disassembly.separate import Cascade
+    from sashimono.disassembly.cascade import Cascade
 
 METHODS = ("cascade", "physics", "past")
 """What ``--method`` takes in this version."""
@@ -145,7 +145,7 @@ def plan(
     if device is not None and method != "physics":
         raise SashimonoError(f"--device {device} is for --method physics. Leave it out, or choose that method.")
     if device is not None:
-        from sashimono.disassembly.batch import find_device
+        from sashimono.disassembly.physics.batch import find_device
 
         find_device(device)
     refuse_unwritable(out)
@@ -185,8 +185,8 @@ def conditions(
     seed: Seed = 0,
 ) -> int:
     """Find what must be gone before each part can leave, and how many orders that allows."""
-    from sashimono.disassembly.and_or import and_or_graph
-    from sashimono.disassembly.orders import conditions_as_dict
+    from sashimono.disassembly.conditions.and_or import and_or_graph
+    from sashimono.disassembly.conditions.orders import conditions_as_dict
     from sashimono.io.read import read_assembly
 
     targets = {"--json": json_file, "--graph": graph_file}
@@ -227,8 +227,8 @@ def explain(
 
     Exit status 0 if it can leave, 3 if not.
     """
-    from sashimono.disassembly.explain import explain_part, explain_stuck
-    from sashimono.disassembly.explain_report import explanation_lines, explanations_as_dict
+    from sashimono.disassembly.explanation.explain import explain_part, explain_stuck
+    from sashimono.disassembly.explanation.report import explanation_lines, explanations_as_dict
     from sashimono.io.read import read_assembly
     from sashimono.plan import Answer
     from sashimono.view import write_explanation
@@ -273,7 +273,7 @@ def _cascade(assembly: Assembly, seed: int, *, max_queries: int = 1) -> Cascade:
     import numpy as np
 
     from sashimono.bodies import make_bodies
-    from sashimono.disassembly.separate import Cascade, SeparateConfig
+    from sashimono.disassembly.cascade import Cascade, SeparateConfig
 
     config = SeparateConfig(max_queries=max_queries)
     return Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=config)

@@ -39,9 +39,9 @@ def plan_and_write(
 ) -> int:
     from sashimono.console import progress_display, summary_lines
     from sashimono.contact.gripper import named_gripper
-    from sashimono.disassembly.algorithm1 import Algorithm1Config
-    from sashimono.disassembly.declared import DeclareConfig
-    from sashimono.disassembly.separate import SeparateConfig
+    from sashimono.disassembly.cascade import SeparateConfig
+    from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
+    from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.read import read_assembly
     from sashimono.pipeline import PipelineConfig, plan_assembly
 

@@ -122,7 +122,7 @@ def _unsolved_lines(plan: AssemblyPlan, width: int) -> Iterator[str]:
     """One for each reason; of parts that hold one another, who blocks whom is left to plan.json."""
     alike: dict[tuple[str, str], list[Unsolved]] = {}
     for entry in plan.unsolved:
-        alike.setdefault((entry.answer, entry.reason), []).append(entry)
+        alike.setdefault((entry.verdict, entry.reason), []).append(entry)
     for (answer, reason), entries in alike.items():
         if len(entries) == 1:
             blockers = ", ".join(entries[0].blocked_by)

@@ -15,10 +15,12 @@ from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
 from sashimono.contact import ContactConfig, Executability, named_gripper
-from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.sequence import REFUSED, Ban, DisassemblyResult, SequenceConfig, find_disassembly
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
+from sashimono.disassembly.sequence.departures import DisassemblyResult
+from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.mesh import smallest_extent
 from sashimono.motion import MotionConfig
@@ -76,7 +78,7 @@ def plan_assembly(
     with clock.stage("sequence"):
         bodies = make_bodies(assembly, config=config.samples, rng=rng_bodies)
         cascade = Cascade(assembly, bodies, config=config.separate)
-    banned: frozenset[Ban] = frozenset()
+    refused: frozenset[Refusal] = frozenset()
     planner = TreePlanner(
         assembly=assembly,
         bodies=bodies,
@@ -92,14 +94,14 @@ def plan_assembly(
     for motion_rng, contact_rng in zip(
         rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
     ):
-        attempt = _attempt(planner, cascade, banned, config, (motion_rng, contact_rng), progress)
+        attempt = _attempt(planner, cascade, refused, config, (motion_rng, contact_rng), progress)
         refutations |= attempt.refutations
         if best is None or len(placed_parts(attempt.steps)) > len(placed_parts(best.steps)):
             best = attempt
-        if not attempt.refused - banned:
+        if not attempt.refused - refused:
             break
-        banned |= attempt.refused
-        logger.info("going back to level 1 without %s", sorted(attempt.refused))
+        refused |= attempt.refused
+        logger.info("going back to level 1 without %s", sorted(map(str, attempt.refused)))
     assert best is not None, "at least one attempt is made"
     unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
     return _plan(assembly, replace(best, unsolved=unsolved), config, seed, clock)
@@ -112,7 +114,7 @@ class _Attempt:
     steps: tuple[Step, ...]
     table: Table
     unsolved: tuple[Unsolved, ...]
-    refused: frozenset[Ban]
+    refused: frozenset[Refusal]
     """Departures that level 2 or the check refused."""
     refutations: Mapping[str, str]
     """What the check, or level 2, said of each part whose motion it refused."""
@@ -129,7 +131,7 @@ def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolve
 def _attempt(
     planner: TreePlanner,
     cascade: Cascade,
-    banned: frozenset[Ban],
+    refused: frozenset[Refusal],
     config: PipelineConfig,
     rngs: tuple[np.random.Generator, np.random.Generator],
     progress: Progress,
@@ -137,7 +139,7 @@ def _attempt(
     assembly = planner.assembly
     count = len(assembly) - 1
     with planner.stage("sequence"):
-        found = _take_apart(planner, cascade, banned, config, rngs[1], lambda done: progress("sequence", done, count))
+        found = _take_apart(planner, cascade, refused, config, rngs[1], lambda done: progress("sequence", done, count))
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
     draft = _draft(assembly, level.table, level.steps, level.unsolved)
     with planner.stage("verify"):
@@ -160,7 +162,7 @@ def _attempt(
 def _take_apart(
     planner: TreePlanner,
     cascade: Cascade,
-    banned: frozenset[Ban],
+    refused: frozenset[Refusal],
     config: PipelineConfig,
     rng: np.random.Generator,
     progress: Callable[[int], None],
@@ -168,10 +170,10 @@ def _take_apart(
     """Level 1: the cascade, or Algorithm 1, where a part that a later level refused is not pushed again."""
     if config.method != "physics":
         proposed = propose_removals(planner.assembly, config.network) if config.method == "past" else ()
-        options = {"config": config.sequence, "banned": banned, "progress": progress}
+        options = {"config": config.sequence, "refused": refused, "progress": progress}
         return find_disassembly(cascade, proposed=proposed, **options)
-    refused = frozenset(part for members, _ in banned for part in bits(members))
-    options = {"config": config.algorithm1, "refused": refused, "progress": progress}
+    parts = frozenset(part for refusal in refused for part in bits(refusal.members))
+    options = {"config": config.algorithm1, "refused": parts, "progress": progress}
     if not (config.executable and config.contacts):
         return plan_disassembly(cascade.blocking, **options)
     executable = Executability(
@@ -197,7 +199,7 @@ class _Judge:
         self._departures = {assembly.names[departure.part]: departure for departure in found.departures()}
         self.refuted: list[Unsolved] = []
         """Parts whose step was taken out."""
-        self.refused: set[Ban] = set()
+        self.refused: set[Refusal] = set()
         """Their departures."""
 
     def hold(self, steps: Sequence[Step], reports: Sequence[StepReport]) -> tuple[Step, ...]:
@@ -228,7 +230,7 @@ class _Judge:
             Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=reason) for name in step.members
         ]
         if step.part in self._departures:
-            self.refused.add(self._departures[step.part].path_ban)
+            self.refused.add(self._departures[step.part].path_refusal)
 
     def _with_evidence(self, step: Step, entry: StepReport) -> Motion:
         part = self._assembly.part(step.part)

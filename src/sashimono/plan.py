@@ -25,6 +25,15 @@ class Answer(StrEnum):
     """The budget ran out."""
 
 
+class MotionClass(StrEnum):
+    """The motions that a proof is about. It says nothing of any others."""
+
+    TRANSLATIONS = "translations of the part alone"
+    """Any number of straight legs in a row, along any directions, without a turn."""
+    SCREWS = "screws along one thread"
+    ALL = "motions of any kind"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Segment:
     """One stretch of a path: the motion from pose ``start`` to pose ``stop``, both included.
@@ -159,6 +168,16 @@ class Unsolved:
     answer: Answer
     blocked_by: tuple[str, ...]
     reason: str
+    proven_for: MotionClass | None = None
+    """The motions that are proven not to exist; given with PROVEN_BLOCKED, and only with it."""
+
+    def __post_init__(self) -> None:
+        assert (self.answer is Answer.PROVEN_BLOCKED) == (self.proven_for is not None), "a proof is of some motions"
+
+    @property
+    def verdict(self) -> str:
+        """The answer, with the motions that a proof is about."""
+        return str(self.answer) if self.proven_for is None else f"{self.answer} for {self.proven_for}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,9 +11,10 @@ import numpy as np
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_body, merge_parts
 from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.separate import Separation, names_of
-from sashimono.disassembly.sequence import Ban, Departure, DisassemblyResult
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.separation import Separation, names_of
+from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.motion import MotionConfig, MotionResult, plan_motions
 from sashimono.plan import DeclaredHelix, Motion, Step, Subassembly, Table, Unsolved
@@ -31,7 +32,7 @@ class PlannedLevel:
     table: Table
     unsolved: tuple[Unsolved, ...]
     """Parts without a step of their own on this level or below."""
-    refused: frozenset[Ban]
+    refused: frozenset[Refusal]
     """Departures for which no motion was found."""
     failed: tuple[Unsolved, ...]
     """What is said of each of them."""
@@ -103,7 +104,7 @@ class TreePlanner:
             steps=self._steps(moved, departures, inside, motions, contacts),
             table=motions.table,
             unsolved=tuple(unsolved.values()),
-            refused=frozenset(departures[name].ban for name in failed).union(*(b.refused for b in inside.values())),
+            refused=frozenset(departures[name].refusal for name in failed).union(*(b.refused for b in inside.values())),
             failed=(*failed.values(), *(entry for below in inside.values() for entry in below.failed)),
         )
 
@@ -208,6 +209,7 @@ def _stuck(assembly: Assembly, part: int, separation: Separation) -> Unsolved:
     return Unsolved(
         part=assembly.names[part],
         answer=separation.answer,
+        proven_for=separation.proven_for,
         blocked_by=names_of(assembly, separation.blocked_by),
         reason=separation.reason,
     )
@@ -220,6 +222,7 @@ def _carried(member: str, entry: Unsolved) -> Unsolved:
     return Unsolved(
         part=member,
         answer=entry.answer,
+        proven_for=entry.proven_for,
         blocked_by=entry.blocked_by,
         reason=f"in one subassembly with {entry.part}: {entry.reason}",
     )

@@ -13,7 +13,7 @@ from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.grasp import choose_contact
 from sashimono.contact.gripper import Gripper, proportionate_gripper
-from sashimono.disassembly.blocking import bits
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry.body import Body
 from sashimono.plan import Motion, Segment

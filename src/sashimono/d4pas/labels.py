@@ -9,13 +9,13 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking import bits
-from sashimono.disassembly.clauses import RemovalConditions
-from sashimono.disassembly.cspace import SpaceConfig
-from sashimono.disassembly.orders import OrdersConfig, count_orders, iterate_orders, random_walk
-from sashimono.disassembly.separate import Cascade, SeparateConfig
-from sashimono.disassembly.systems import stuck_parts
-from sashimono.disassembly.translation import TranslationConfig
+from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.conditions.clauses import RemovalConditions
+from sashimono.disassembly.conditions.orders import OrdersConfig, count_orders, iterate_orders, random_walk
+from sashimono.disassembly.conditions.systems import stuck_parts
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.translation.configuration_space import SpaceConfig
+from sashimono.disassembly.translation.search import TranslationConfig
 
 TRANSLATIONS = "translations of one part"
 """The class of motions for which conditions are proven complete."""

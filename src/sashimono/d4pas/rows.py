@@ -19,7 +19,7 @@ from sashimono.d4pas.contacts import ContactFinder, FingertipConfig
 from sashimono.d4pas.descriptor import describe
 from sashimono.d4pas.labels import TRANSLATIONS, Label, LabelConfig, label_assembly
 from sashimono.d4pas.recipe import Recipe, assembly_of, build_product, content_hash, find_faults
-from sashimono.disassembly.blocking import bits
+from sashimono.disassembly.masks import bits
 
 
 @dataclass(frozen=True, kw_only=True)

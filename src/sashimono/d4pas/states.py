@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sashimono.disassembly.systems import remainder
+from sashimono.disassembly.conditions.systems import remainder
 
 Masks = tuple[tuple[int, ...], ...]
 """By part, the blockers of each clause: the part may leave when all of one clause are gone."""

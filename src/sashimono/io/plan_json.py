@@ -21,6 +21,7 @@ from sashimono.plan import (
     Contact,
     DeclaredHelix,
     Motion,
+    MotionClass,
     Segment,
     Step,
     Subassembly,
@@ -108,10 +109,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         "parts": [{"name": name, "T_world_part": T} for name, T in plan.parts.items()],
         "order": plan.order,
         "steps": [_step_document(step) for step in plan.steps],
-        "unsolved": [
-            {"part": u.part, "answer": u.answer.value, "blocked_by": u.blocked_by, "reason": u.reason}
-            for u in plan.unsolved
-        ],
+        "unsolved": [_unsolved_document(entry) for entry in plan.unsolved],
         "overlaps": [
             {"first": o.first, "second": o.second, "volume": o.volume, "fraction": o.fraction} for o in plan.overlaps
         ],
@@ -122,6 +120,18 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         "config": plan.config,
         "timings": plan.timings,
     }
+
+
+def _unsolved_document(entry: Unsolved) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "part": entry.part,
+        "answer": entry.answer.value,
+        "blocked_by": entry.blocked_by,
+        "reason": entry.reason,
+    }
+    if entry.proven_for is not None:
+        out["proven_for"] = entry.proven_for.value
+    return out
 
 
 def _step_document(step: Step) -> dict[str, Any]:
@@ -241,12 +251,7 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
         order=tuple(document["order"]),
         steps=tuple(_step(step) for step in document["steps"]),
-        unsolved=_each(
-            document["unsolved"],
-            lambda u: Unsolved(
-                part=u["part"], answer=Answer(u["answer"]), blocked_by=tuple(u["blocked_by"]), reason=u["reason"]
-            ),
-        ),
+        unsolved=_each(document["unsolved"], _unsolved),
         table=_table(document["table"]),
         overlaps=_each(
             document.get("overlaps", ()),
@@ -301,6 +306,19 @@ def _declared(declared: Mapping[str, Any] | None) -> DeclaredHelix | None:
         other=declared["with"],
         start=declared["start"],
         stop=declared["stop"],
+    )
+
+
+def _unsolved(document: Mapping[str, Any]) -> Unsolved:
+    answer = Answer(document["answer"])
+    # plans from before the field was written have proofs of translations only
+    proven = MotionClass(document.get("proven_for", MotionClass.TRANSLATIONS))
+    return Unsolved(
+        part=document["part"],
+        answer=answer,
+        blocked_by=tuple(document["blocked_by"]),
+        reason=document["reason"],
+        proven_for=proven if answer is Answer.PROVEN_BLOCKED else None,
     )
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from sashimono.assembly import Assembly
-from sashimono.disassembly.explain import BlockedDirection, Blocker, Explanation
-from sashimono.disassembly.explain_report import change_words, explanation_lines
+from sashimono.disassembly.explanation.explain import BlockedDirection, Blocker, Explanation
+from sashimono.disassembly.explanation.report import change_words, explanation_lines
 from sashimono.geometry.directions import direction_name
 from sashimono.view.appearance import BASE_COLOR
 from sashimono.view.config import ViewConfig

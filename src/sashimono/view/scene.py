@@ -156,6 +156,7 @@ def _unsolved(plan: AssemblyPlan, assembly: Assembly) -> list[dict[str, Any]]:
             {
                 "part": k,
                 "answer": str(item.answer) if item else "UNKNOWN",
+                "provenFor": str(item.proven_for) if item and item.proven_for else None,
                 "blockedBy": list(item.blocked_by) if item else [],
                 "reason": item.reason if item else "the plan says nothing about this part",
             }

@@ -21,9 +21,9 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.algorithm1 import Algorithm1Config, plan_disassembly
-from sashimono.disassembly.blocking import Blocking, BlockingConfig
-from sashimono.disassembly.physics import PhysicsConfig
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
+from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.errors import InputError
 from sashimono.geometry.directions import DirectionConfig
 from sashimono.learning.cloud_cache import Dataset

@@ -23,8 +23,9 @@ from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.d4pas.journal import Journal
 from sashimono.d4pas.states import Masks, right_next
-from sashimono.disassembly.blocking import Blocking, BlockingConfig, bits
-from sashimono.disassembly.clauses import minimal
+from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
+from sashimono.disassembly.conditions.clauses import minimal
+from sashimono.disassembly.masks import bits
 from sashimono.learning.cloud_cache import CloudCache, Dataset
 
 VERSION = 1

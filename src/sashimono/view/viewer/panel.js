@@ -137,7 +137,10 @@ class Panel {
     const by = item.blockedBy.length ? ` Blocked by ${item.blockedBy.join(", ")}.` : "";
     const row = element("div", { className: "row unsolved" }, element("span"), this.#swatch(item.part),
       element("span", { className: "name", textContent: this.plan.parts[item.part].name }),
-      element("span", { className: "tag", textContent: ANSWERS[item.answer] ?? item.answer }),
+      element("span", {
+        className: "tag",
+        textContent: (ANSWERS[item.answer] ?? item.answer) + (item.provenFor ? ` for ${item.provenFor}` : ""),
+      }),
       element("span", { className: "more", textContent: reason + by }));
     this.#hovers(row, item.part);
     return element("li", {}, row);

@@ -1,0 +1,132 @@
+"""Subassemblies: parts that leave together, rigidly, where none of them leaves alone.
+
+Along a direction let ``i -> j`` mean that j blocks i. A set that no arrow leaves moves off as one; the
+smallest such sets are the sink strongly connected components (Wilson and Latombe 1994, *Geometric
+reasoning about mechanical assembly*). The rest of a closed set is closed along the opposite direction,
+so of all directions there is one whose sink leaves any given part behind, if any set moves at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.blocking.stage import straight_removal
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separation import UNASKED, Separation
+from sashimono.plan import MotionClass
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Subassembly:
+    """Parts that leave the remaining ones together, by one translation."""
+
+    members: int
+    """Mask of the parts."""
+    signed: int
+    """Direction in the blocking relation."""
+    removal: Removal
+    """The translation that takes all of them past the others."""
+
+
+class GroupStage:
+    """Subassemblies. A group frees no part by itself: `separate` finds nothing, whoever schedules asks for a group."""
+
+    name = "subassembly"
+    motions = MotionClass.TRANSLATIONS
+
+    def __init__(self, blocking: Blocking) -> None:
+        self.blocking = blocking
+
+    def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
+        return UNASKED
+
+    def can_recall(self, found: Separation) -> bool:
+        return False
+
+    def still_fails(self, said: Separation, asked: int, others: int) -> bool:
+        return True
+
+
+def find_subassembly(
+    blocking: Blocking,
+    remaining: int,
+    *,
+    stays: int,
+    worth: Callable[[Float[np.ndarray, "3"]], float],
+    connected: Callable[[int], bool],
+    refused: frozenset[Refusal] = frozenset(),
+) -> Subassembly | None:
+    """Return the best set of two or more parts that leaves the remaining ones as one body, or None.
+
+    Parts that hang together rather than not, then the fewest, then the direction worth most. Every pair
+    of a member and a part that stays is traced: a set is given only if all of them pass.
+
+    Args:
+        blocking: The relation.
+        remaining: Mask of the parts that are there.
+        stays: A part that must not be among those that move.
+        worth: Of a unit direction of removal.
+        connected: Whether the parts of a mask hang together.
+        refused: Ways out that are not to be given.
+    """
+    missed: dict[int, dict[int, int]] = {signed: {} for signed in range(blocking.count_signed)}
+    """By signed direction and part: blockers that the maps miss and tracing found, here and now."""
+    found = {signed: _sinks(blocking, signed, remaining, missed[signed]) for signed in missed}
+    while True:
+        candidates = [
+            (not connected(members), members.bit_count(), -round(worth(blocking.direction(signed)), 6), members, signed)
+            for signed, sinks in found.items()
+            for members in sinks
+            if members.bit_count() > 1
+            and not members >> stays & 1
+            and Refusal(members=members, signed=signed) not in refused
+        ]
+        if not candidates:
+            return None
+        *_, members, signed = min(candidates)
+        others = remaining & ~members
+        stops = [
+            (part, other)
+            for part in bits(members)
+            for other in bits(others)
+            if not blocking.passes(part, signed, other)
+        ]
+        if not stops:
+            removal = straight_removal(blocking, members, others, blocking.direction(signed))
+            return Subassembly(members=members, signed=signed, removal=removal)
+        for part, other in stops:
+            for moving, way, stop in ((part, signed, other), (other, signed ^ 1, part)):
+                missed[way][moving] = missed[way].get(moving, 0) | 1 << stop
+        for changed in (signed, signed ^ 1):
+            found[changed] = _sinks(blocking, changed, remaining, missed[changed])
+
+
+def _sinks(blocking: Blocking, signed: int, remaining: int, missed: Mapping[int, int]) -> list[int]:
+    """The smallest sets that no remaining part outside of them blocks along a signed direction, as masks."""
+    parts = bits(remaining)
+    place = {part: k for k, part in enumerate(parts)}
+    arrows = [
+        (place[part], place[other])
+        for part in parts
+        for other in bits(blocking.blockers(part, signed, remaining & ~(1 << part)) | missed.get(part, 0))
+    ]
+    rows, columns = np.array(arrows, dtype=np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(parts), len(parts)))
+    count, label = connected_components(graph, directed=True, connection="strong")
+    left = {int(label[a]) for a, b in zip(rows, columns, strict=True) if label[a] != label[b]}
+    if count == 1:
+        return []
+    return [
+        sum(1 << part for part, of in zip(parts, label, strict=True) if of == component)
+        for component in range(count)
+        if component not in left
+    ]

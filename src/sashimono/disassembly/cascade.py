@@ -1,0 +1,123 @@
+"""The cascade: can this part leave the remaining ones, and by which motion?
+
+The front door of level 1. `Cascade.stages` lists the stages in their order; each is asked only what the ones before
+left open. `Cascade.separate` asks them about one part; a sequence asks each about all parts before the next.
+To add a stage, write it in a file of its own (`separation.Stage`) and add a line to `Cascade.stages`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from sashimono.assembly import Assembly
+from sashimono.disassembly.blocking.groups import GroupStage
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.blocking.shared import SharedBodies
+from sashimono.disassembly.blocking.stage import BlockingStage
+from sashimono.disassembly.conditions.clauses import RemovalConditions
+from sashimono.disassembly.conditions.find import find_conditions
+from sashimono.disassembly.config import SeparateConfig
+from sashimono.disassembly.inquiry import Inquiry
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.physics.stage import PhysicsStage
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separation import DeclaredThread, Separation, Stage
+from sashimono.disassembly.threads.declared import declared_removal
+from sashimono.disassembly.threads.stage import ThreadStage
+from sashimono.disassembly.threads.surface import Threads
+from sashimono.disassembly.translation.contact_normals import ContactNormals
+from sashimono.disassembly.translation.search import TranslationSearch
+from sashimono.disassembly.translation.stage import TranslationStage
+from sashimono.geometry.body import Body
+
+__all__ = ["Cascade", "SeparateConfig"]
+
+
+class Cascade:
+    """Answers separation questions about one assembly, faster where the same question was asked before.
+
+    The same question has the same answer, whatever was asked before.
+    """
+
+    def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: SeparateConfig) -> None:
+        self.assembly = assembly
+        self.config = config
+        self.blocking = table = Blocking(assembly, bodies, config=config.blocking)
+        self.shared = SharedBodies(table, config=config.shared)
+        self._threads = Threads(table, config=config.unscrew)
+        self._touching = ContactNormals(table, gap=config.contact_gap)
+        self.directions = BlockingStage(table)
+        self.threads = ThreadStage(table, self._threads, hit_tolerance=config.physics.tolerance)
+        self.translations = TranslationStage(
+            table,
+            ContactNormals(table, gap=config.proof_gap),
+            TranslationSearch(table, config=config.translation),
+            escape_samples=config.escape_samples,
+            proof_margin=config.proof_margin,
+        )
+        self.groups = GroupStage(table)
+        self.physics = PhysicsStage(table, config=config.physics)
+        self.stages: tuple[Stage, ...] = (
+            self.directions,
+            self.threads,
+            self.translations,
+            self.groups,
+            self.physics,
+        )
+        """In the order in which they are asked: the ones that cost least first."""
+        self._answers: dict[tuple[str, int, int], list[tuple[int, Separation]]] = {}
+        self._declared: dict[tuple[int, int, tuple[float, ...]], tuple[Removal, DeclaredThread] | None] = {}
+
+    def separate(self, part: int, remaining: int) -> Separation:
+        """Return what all stages know about a part among the remaining ones (a mask)."""
+        return self.inquire().separate(part, remaining)
+
+    def inquire(self) -> Inquiry:
+        """Return a new inquiry: questions that share a budget, and what follows from their answers."""
+        return Inquiry(self.stages, self._ask, max_traced=self.config.max_traced)
+
+    def conditions(self, *, reachable_only: bool = False) -> RemovalConditions:
+        """Return every part's removal conditions; see `find_conditions`."""
+        return find_conditions(
+            self.assembly.names,
+            self.directions,
+            self.inquire(),
+            translations=self.translations,
+            physics=self.physics,
+            config=self.config,
+            reachable_only=reachable_only,
+        )
+
+    def turned(self, part: int, remaining: int, separation: Separation) -> Separation:
+        """Return a separation by one translation as one by a declared thread, where the part has one; else as it is."""
+        if not self.config.declare.enabled or separation.removal is None:
+            return separation
+        others = remaining & ~(1 << part)
+        key = (part, others, tuple(separation.removal.exit_direction.tolist()))
+        if key not in self._declared:
+            self._declared[key] = declared_removal(
+                self.shared, self._threads, part, bits(others), separation.removal, config=self.config.declare
+            )
+        found = self._declared[key]
+        if found is None:
+            return separation
+        return replace(separation, removal=found[0], declared=found[1], stage="declared thread")
+
+    def touching(self, part: int) -> int:
+        """Return the mask of the parts that touch this one in the assembled pose."""
+        mask = 0
+        for other in range(len(self.blocking)):
+            if other != part and (self.blocking.allowances[part, other] > 0.0 or self._touching.touch(part, other)):
+                mask |= 1 << other
+        return mask
+
+    def _ask(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
+        """What a stage says; recalled where it would say the same again with the tracing steps that are left now."""
+        answers = self._answers.setdefault((stage.name, part, remaining), [])
+        for given, said in answers:
+            if given == max_traced or said.traced < min(given, max_traced):
+                return said
+        said = stage.separate(part, remaining, max_traced=max_traced)
+        answers.append((max_traced, said))
+        return said

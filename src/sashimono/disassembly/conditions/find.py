@@ -1,0 +1,179 @@
+"""Removal conditions of every part: which stages are asked about which sets of obstacles.
+
+Single translations come first: the relation gives all of their clauses at once. Then the stage of translations is
+asked about the largest sets that neither a clause nor a proof decides (at most ``max_queries`` a part). A part that
+another one holds by itself, whatever else is gone, may turn its way out: all stages are asked about such a pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.blocking.stage import BlockingStage, straight_removal
+from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
+from sashimono.disassembly.conditions.enumeration import Said, enumerate_clauses
+from sashimono.disassembly.conditions.systems import remainder
+from sashimono.disassembly.config import SeparateConfig
+from sashimono.disassembly.inquiry import Inquiry
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.physics.stage import PhysicsStage
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separation import Separation, Stage
+
+
+def find_conditions(
+    names: tuple[str, ...],
+    directions: BlockingStage,
+    inquiry: Inquiry,
+    *,
+    translations: Stage,
+    physics: PhysicsStage,
+    config: SeparateConfig,
+    reachable_only: bool,
+) -> RemovalConditions:
+    """Return every part's removal conditions, each clause with its witness.
+
+    Args:
+        names: The parts' names.
+        directions: The stage of single translations.
+        inquiry: What asks all stages.
+        translations: The stage whose proofs decide sets of obstacles.
+        physics: The stage that says which parts a motion hits.
+        config: Budgets.
+        reachable_only: Ask only about sets that taking the whole apart can leave: orders and next parts are as exact,
+            for a fraction of the work.
+    """
+    search = _Search(directions.blocking, inquiry, translations, physics, config)
+    parts = range(len(directions.blocking))
+    found = [single_clauses(directions.blocking, part) for part in parts]
+    while True:
+        known = [frozenset(minimal(clauses)) for clauses in found]
+        complete = [search.complete(part, found, reachable_only=reachable_only) for part in parts]
+        # a clause found late makes more sets reachable: ask again, what was said is remembered
+        if not reachable_only or known == [frozenset(minimal(clauses)) for clauses in found]:
+            break
+    return RemovalConditions(
+        names=names,
+        clauses=tuple(tuple(clauses[mask] for mask in minimal(clauses)) for clauses in found),
+        cut_short=tuple(part for part in parts if not complete[part]),
+        reachable_only=reachable_only,
+    )
+
+
+class _Search:
+    """One run: what is asked, and the motions that took one part of a pair off the other."""
+
+    def __init__(
+        self,
+        blocking: Blocking,
+        inquiry: Inquiry,
+        translations: Stage,
+        physics: PhysicsStage,
+        config: SeparateConfig,
+    ) -> None:
+        self.blocking, self.inquiry, self.config = blocking, inquiry, config
+        self.translations, self.physics = translations, physics
+        self._turned: dict[tuple[int, int], Removal] = {}
+
+    def complete(self, part: int, found: list[dict[int, Clause]], *, reachable_only: bool) -> bool:
+        """Add the clauses of the later stages to a part's; return whether these are all, provably, by translations."""
+        clauses = found[part]
+
+        def ask(others: int) -> Said:
+            separation = self.inquiry.ask(self.translations, part, others | 1 << part)
+            if separation.removal is not None:
+                _add(clauses, separation)
+                return Said(clause=separation.hits)
+            core = sum(1 << k for k in separation.blocked_by)
+            return Said(core=core, is_proven=separation.proven_for is not None)
+
+        config = self.config
+        everything = self.blocking.all_parts & ~(1 << part)
+        enumerated = enumerate_clauses(
+            everything,
+            clauses,
+            ask,
+            gone_with=_Reached(found, part).gone_with if reachable_only else lambda absent: absent,
+            max_queries=config.max_queries,
+            max_unproven=config.max_unproven,
+            max_undecided=config.max_undecided,
+        )
+        for core in enumerated.cores:
+            if core.bit_count() == 1:
+                self._turn_out(part, core, clauses)
+        return enumerated.is_complete
+
+    def _turn_out(self, part: int, holder: int, clauses: dict[int, Clause]) -> None:
+        """Add the clauses by which a part turns off one that holds it: of both alone, then of all parts."""
+        other = holder.bit_length() - 1
+        if (other, part) in self._turned:  # the two come apart by one relative motion, whichever moves
+            removal = self._turned[other, part].of_the_other()
+            self.inquiry.remember(part, self.physics.witness(part, holder, removal))
+        for remaining in (holder | 1 << part, self.blocking.all_parts):
+            if any(not mask & remaining for mask in clauses):
+                return
+            # single translations are in the clauses already
+            separation = self.inquiry.separate(part, remaining, stages=self.inquiry.stages[1:])
+            if separation.removal is None:
+                return
+            _add(clauses, separation)
+            self._turned.setdefault((part, other), separation.removal)
+
+
+def single_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
+    """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
+    others = blocking.all_parts & ~(1 << part)
+    kept: dict[int, int] = {}
+    masks = [blocking.masks(part, signed) for signed in range(blocking.count_signed)]
+    order = sorted(range(len(masks)), key=lambda s: (masks[s][0].bit_count() + masks[s][1].bit_count(), s))
+    for signed in order:
+        blocked, unclear = blocking.masks(part, signed)
+        for other in bits(unclear):
+            if any(mask & blocked == mask for mask in kept):
+                break
+            if blocking.is_blocked_by(part, signed, other):
+                blocked |= 1 << other
+        for other in bits(others & ~blocked):
+            if any(mask & blocked == mask for mask in kept):
+                break
+            if not blocking.passes(part, signed, other):
+                blocked |= 1 << other
+        if any(mask & blocked == mask for mask in kept):
+            continue
+        kept = {mask: by for mask, by in kept.items() if blocked & mask != blocked}
+        kept[blocked] = signed
+    return {
+        mask: Clause(
+            blockers=mask,
+            removal=straight_removal(blocking, 1 << part, others & ~mask, blocking.direction(by)),
+            stage="blocking",
+        )
+        for mask, by in kept.items()
+    }
+
+
+class _Reached:
+    """What is gone in the sets with one part that taking the whole apart, by the clauses found so far, can leave."""
+
+    def __init__(self, found: Sequence[Iterable[int]], part: int) -> None:
+        count = len(found)
+        everything = (1 << count) - 1
+        system = tuple(tuple(minimal(clauses)) or (everything & ~(1 << other),) for other, clauses in enumerate(found))
+        self._least = remainder(system, 1 << part)
+        self._least_with = [remainder(system, 1 << part | 1 << other) for other in range(count)]
+        self._part = part
+
+    def gone_with(self, absent: int) -> int | None:
+        """Return the parts that are gone wherever these are gone and the part is not; None if that is nowhere."""
+        if absent & self._least:
+            return None
+        for other, least in enumerate(self._least_with):
+            if other != self._part and absent & least:
+                absent |= 1 << other
+        return absent
+
+
+def _add(clauses: dict[int, Clause], separation: Separation) -> None:
+    assert separation.removal is not None, "a clause has a witness"
+    clauses[separation.hits] = Clause(blockers=separation.hits, removal=separation.removal, stage=separation.stage)

@@ -1,0 +1,1 @@
+"""Why a part cannot leave."""

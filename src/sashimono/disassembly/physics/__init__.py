@@ -1,0 +1,1 @@
+"""Pushes simulated with contact and friction."""

@@ -1,0 +1,1 @@
+"""Which part leaves when, and what is said of those that stay."""

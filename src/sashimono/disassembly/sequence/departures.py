@@ -1,0 +1,53 @@
+"""What comes of a disassembly: which parts left, by which motions, and what is known of those that stayed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.separation import Separation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Departure:
+    """One part, or several that move as one body, leaving those that remain."""
+
+    part: int
+    """The part, or the one of them that stays when they are taken apart; its name stands for all."""
+    members: int
+    """Mask of all that move."""
+    separation: Separation
+    """With the witness."""
+    inside: DisassemblyResult | None = None
+    """How a subassembly comes apart by itself; None for a single part."""
+
+    @property
+    def refusal(self) -> Refusal:
+        """What is to be refused if this departure does not hold."""
+        return Refusal(members=self.members, signed=self.separation.signed)
+
+    @property
+    def path_refusal(self) -> Refusal:
+        """What is to be refused if its path does not hold: of a declared thread the turn, but not the straight pull."""
+        is_turned = self.separation.declared is not None and self.separation.signed is not None
+        return replace(self.refusal, only_turned=is_turned)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DisassemblyResult:
+    """How far the parts came apart."""
+
+    base: int
+    """The part that stays."""
+    removals: tuple[Departure, ...]
+    """What leaves, in order."""
+    stuck: tuple[tuple[int, Separation], ...]
+    """Parts that could not leave, the base and what is inside subassemblies aside, each with what is known."""
+
+    def departures(self) -> Iterator[Departure]:
+        """Yield every departure, those inside subassemblies included."""
+        for departure in self.removals:
+            yield departure
+            if departure.inside is not None:
+                yield from departure.inside.departures()

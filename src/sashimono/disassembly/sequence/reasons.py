@@ -1,0 +1,171 @@
+"""What is said in the end of parts that could not leave: what was tried, and, measured, what is in the way.
+
+Parts that hold one another get one reason together: of a ball bearing nothing leaves alone, and to say so of
+every ball helps nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.separation import Separation
+from sashimono.geometry import topology
+from sashimono.geometry.directions import direction_name
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerdictConfig:
+    """How closely what is in the way is measured, and who shares a reason."""
+
+    accuracy: float = 0.02
+    """To which the depth is found, over itself."""
+    tolerance: float = 0.02
+    """Depth beyond the assembled overlap that a plan may have, over the pair's scale (`Blocking.scale`)."""
+    most: float = 1.0
+    """Depth over the smaller part's smallest extent from which on nothing is said of it: no fit, but a wall."""
+    interlocked: int = 4
+    """From so many parts on that hold one another, all share one reason."""
+    named: int = 3
+    """Parts of them that are named."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Give:
+    """The least that must give way for a part to leave along a straight line."""
+
+    direction: Float[np.ndarray, "3"]
+    """Unit vector, world frame."""
+    depth: float
+    """How much deeper it goes on its way than the two overlap as assembled [m]."""
+    tolerance: float
+    """How much deeper it may go [m]."""
+    other: int
+    """The part into which it goes deepest."""
+
+
+def least_give(blocking: Blocking, part: int, others: Sequence[int], *, config: VerdictConfig) -> Give | None:
+    """Return the straight line, of the part's own and the world's, along which least is in the way of a part.
+
+    None if every one is blocked by as much as a part is thick: then there is no fit to speak of.
+    """
+    best: Give | None = None
+    lines = [*blocking.part_lines[part], *np.eye(3)]
+    for direction in [sign * line for line in lines for sign in (1.0, -1.0)]:
+        found = _along(blocking, part, others, direction, np.inf if best is None else best.depth, config)
+        best = found or best
+    return best
+
+
+def worded(
+    blocking: Blocking,
+    remaining: int,
+    said: Sequence[tuple[int, Separation]],
+    *,
+    config: VerdictConfig,
+) -> tuple[tuple[int, Separation], ...]:
+    """Return what is said of each part among the remaining ones (a mask), with what is in its way as measured.
+
+    Interlocked parts, those that are blocked by one another, share it.
+    """
+    answers = dict(said)
+    out = {}
+    for members in _interlocked(remaining, answers):
+        stuck = [part for part in members if part in answers]
+        if not stuck:
+            continue
+        if len(members) < config.interlocked:
+            for part in stuck:
+                others = [other for other in bits(remaining) if other != part]
+                words = _measured(blocking, part, others, least_give(blocking, part, others, config=config))
+                out[part] = replace(answers[part], reason=f"{answers[part].reason}{words}")
+            continue
+        together = _together(blocking, members, config)
+        others = [other for other in bits(remaining) if other != stuck[0]]
+        words = _measured(blocking, stuck[0], others, least_give(blocking, stuck[0], others, config=config))
+        for part in stuck:
+            motions = answers[part].proven_for
+            sure = f"not proven: {answers[part].reason}" if motions is None else f"proven for {motions}"
+            out[part] = replace(answers[part], reason=f"{together} ({sure}){words}")
+    return tuple((part, out[part]) for part, _ in said)
+
+
+def _along(
+    blocking: Blocking,
+    part: int,
+    others: Sequence[int],
+    direction: Float[np.ndarray, "3"],
+    most: float,
+    config: VerdictConfig,
+) -> Give | None:
+    """What must give way along a direction, if it is less than ``most``."""
+    depth, deepest = 0.0, None
+    for _, other in blocking.met(part, np.zeros(3), direction, others):
+        size = float(min(blocking.sizes[part], blocking.sizes[other]))
+
+        def passes(limit: float, other: int = other) -> bool:
+            return bool(np.isinf(blocking.travel(part, np.zeros(3), direction, other, tolerance=limit)))
+
+        bare = blocking.config.tolerance * blocking.scale(part, other)
+        if passes(max(depth, bare)):
+            continue
+        low, high = max(depth, bare), min(most, config.most * size)
+        if high <= low or not passes(high):
+            return None
+        while high - low > config.accuracy * high:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if passes(middle) else (middle, high)
+        depth, deepest = high, other
+    if deepest is None:
+        return None
+    tolerance = config.tolerance * blocking.scale(part, deepest)
+    return Give(direction=direction, depth=depth, tolerance=tolerance, other=deepest)
+
+
+def _measured(blocking: Blocking, part: int, others: Sequence[int], give: Give | None) -> str:
+    names = blocking.assembly.names
+    words = ""
+    if give is not None:
+        overlap = float(blocking.allowances[part, give.other])
+        beyond = f" beyond the {_mm(overlap)} that they overlap as assembled" if overlap > give.tolerance else ""
+        words += (
+            f"; straight out, {names[part]} goes at least {_mm(give.depth)} deep into {names[give.other]}{beyond}"
+            f" ({direction_name(give.direction)}; {_mm(give.tolerance)} is tolerated)"
+        )
+    for one in (part, *others):
+        count = _count_solids(blocking, one)
+        if count > 1 and (one == part or (give is not None and one == give.other) or len(others) == 1):
+            words += f"; {names[one]} is {count} separate solids that move as one: plan again with --split all"
+    return words
+
+
+def _count_solids(blocking: Blocking, part: int) -> int:
+    vertices, faces = blocking.vertices(part), blocking.faces(part)
+    return len(topology.split_solids(vertices, faces)) if topology.shells(faces).max() > 0 else 1
+
+
+def _mm(length: float) -> str:
+    return f"{length * 1e3:.3g} mm"
+
+
+def _together(blocking: Blocking, members: Sequence[int], config: VerdictConfig) -> str:
+    names = [blocking.assembly.names[part] for part in members]
+    rest = len(names) - config.named
+    return f"one of {len(names)} parts that hold one another: {', '.join(names[: config.named])} and {rest} more"
+
+
+def _interlocked(remaining: int, said: dict[int, Separation]) -> list[list[int]]:
+    """The remaining parts, grouped by who is blocked by whom."""
+    group = {part: {part} for part in bits(remaining)}
+    for part, separation in said.items():
+        for other in separation.blocked_by:
+            if other in group and group[other] is not group[part]:
+                joined = group[part] | group[other]
+                for member in joined:
+                    group[member] = joined
+    return [sorted(members) for members in {min(g): g for g in group.values()}.values()]

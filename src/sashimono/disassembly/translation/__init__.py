@@ -1,0 +1,1 @@
+"""Several translations in a row: the search, and the proofs that there is no way out."""

@@ -1,0 +1,61 @@
+"""Proofs on fine lattices: the part is caged near its assembled pose, by as small a window as shows it.
+
+A proof needs no more of the configuration space than what the flood reaches. So the lattice starts narrow, grows only
+on the side where the flood comes out, and can be as fine as thin walls need.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.translation.configuration_space import NESTED, Space, SpaceConfig
+
+
+class Cages:
+    """Proofs for one part at a time. What was asked before makes an answer faster, never another."""
+
+    def __init__(self, blocking: Blocking, *, config: SpaceConfig) -> None:
+        self._blocking = blocking
+        self._config = config
+        self._part = -1
+        self._spaces: dict[tuple[int, tuple[int, ...]], Space] = {}
+
+    def prove(self, part: int, others: int) -> tuple[int, ...] | None:
+        """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
+        if part != self._part:
+            self._part = part
+            self._spaces.clear()
+        left = self._config.max_proof_work
+        resolutions = self._config.proof_resolutions
+        for k in range(len(resolutions)):
+            window = np.full((2, 3), self._config.proof_window)
+            # a lattice that leaks must not grow until nothing is left for the finer ones
+            kept = left - left // (len(resolutions) - k)
+            while left > kept:
+                space = self._space(k, window)
+                work = space.work(others)
+                if work > left:
+                    break
+                left -= work
+                flood = space.flood(others, max_visited=self._config.max_proof_visited)
+                if flood.blocked:
+                    return space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
+                if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
+                    break  # nothing left of the part, out of budget, or really out
+                window = window.copy()
+                window[flood.rim] *= self._config.proof_growth
+        return None
+
+    def _space(self, level: int, window: np.ndarray) -> Space:
+        """The lattice of one level, and before it those of the coarser ones that it builds on."""
+        key = (level, tuple(window.ravel().tolist()))
+        if key not in self._spaces:
+            parent = None if level == 0 else self._space(level - 1, (window + NESTED // 2) // NESTED)
+            while len(self._spaces) >= self._config.max_proof_spaces:
+                self._spaces.pop(next(iter(self._spaces)))
+            resolution = self._config.proof_resolutions[level]
+            self._spaces[key] = Space(
+                self._blocking, self._part, resolution, config=self._config, window=window, parent=parent
+            )
+        return self._spaces[key]

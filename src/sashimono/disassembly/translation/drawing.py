@@ -1,0 +1,97 @@
+"""A shrunk part and its shrunk obstacles drawn on one lattice, each pair only where the two can meet.
+
+So a small screw in a wide lid takes few lattice points, however fine the lattice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.translation.eroded_lattice import eroded_lattice, grown_lattice
+from sashimono.disassembly.translation.meeting import Drawn
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Region:
+    """Where a part and an obstacle can meet: a box of the lattice for each, with a layer around."""
+
+    own: Int[np.ndarray, "2 3"]
+    """First point and the one past the last of the part's, from its own corner."""
+    theirs: Int[np.ndarray, "2 3"]
+    """The same of the obstacle's, from where the part's corner is at the first displacement."""
+
+    @property
+    def cells(self) -> int:
+        """Lattice points of both; 0 if the two cannot meet."""
+        sizes = self.own[1] - self.own[0], self.theirs[1] - self.theirs[0]
+        if min(int(size.min()) for size in sizes) <= 2:
+            return 0
+        return sum(int(np.prod(size)) for size in sizes)
+
+
+class Drawing:
+    """Draws pairs as they are asked for; the part, where it is wanted whole again, once."""
+
+    def __init__(
+        self,
+        blocking: Blocking,
+        part: int,
+        rotation: Float[np.ndarray, "3 3"],
+        *,
+        spacing: float,
+        window: Int[np.ndarray, "2 3"],
+        tolerance: float,
+        grown: bool = False,
+    ) -> None:
+        """Take in the lattice: its axes (rows), its spacing, and the steps that the displacements reach down and up.
+
+        ``grown``: the solids are grown so that where they are apart no displacement that rounds to it has them meet.
+        """
+        self._blocking, self._part, self._rotation = blocking, part, rotation
+        self._spacing, self._tolerance = spacing, tolerance
+        self._grown, self._pad = grown, 2 if grown else 1
+        self._boxes = blocking.boxes_in(rotation)
+        low, high = self._boxes[part]
+        self._count = np.floor((high - low) / spacing).astype(int) + 1
+        self._corner = low + 0.5 * ((high - low) - (self._count - 1) * spacing)
+        self._origin = self._corner - window[0] * spacing
+        self._reach = window.sum(axis=0)
+        self._drawn: dict[tuple[int, ...], Drawn] = {}
+
+    def region(self, other: int) -> Region:
+        """Return where the part and an obstacle can meet."""
+        box = (self._boxes[other] - self._origin) / self._spacing
+        pad = self._pad
+        first = np.maximum(np.floor(box[0]).astype(int), 1 - pad) - pad
+        last = np.minimum(np.ceil(box[1]).astype(int) + 1, self._count + self._reach + pad - 1) + pad
+        own = np.stack([np.maximum(first - self._reach, -pad), np.minimum(last, self._count + pad)])
+        return Region(own=own, theirs=np.stack([first, last]))
+
+    def draw(self, other: int) -> tuple[Drawn, Drawn]:
+        """Return the part and the obstacle where they can meet, shrunk by what a proof needs in all (or grown)."""
+        blocking, region = self._blocking, self.region(other)
+        half = 0.25 * np.sqrt(3.0) * self._spacing * (1.0 + 1e-6)
+        share = 0.0 if self._grown else self._tolerance * float(blocking.sizes[self._part])
+        key = tuple(region.own.ravel().tolist())
+        if key not in self._drawn:
+            self._drawn[key] = self._solid(self._part, self._corner, region.own, half + share)
+        if self._grown:
+            return self._drawn[key], self._solid(other, self._origin, region.theirs, half)
+        depth = self._tolerance * min(blocking.sizes[self._part], blocking.sizes[other])
+        depth += blocking.allowances[self._part, other]
+        return self._drawn[key], self._solid(other, self._origin, region.theirs, half + max(2.0 * depth - share, 0.0))
+
+    def _solid(self, part: int, origin: Float[np.ndarray, "3"], box: Int[np.ndarray, "2 3"], radius: float) -> Drawn:
+        solid = (grown_lattice if self._grown else eroded_lattice)(
+            self._blocking.vertices(part) @ self._rotation.T,
+            self._blocking.faces(part),
+            origin=origin + box[0] * self._spacing,
+            spacing=self._spacing,
+            shape=tuple((box[1] - box[0]).tolist()),
+            radius=radius,
+        )
+        return Drawn(solid, box[0])

@@ -1,0 +1,49 @@
+"""Legs of one part: how far it goes along its lines, each pair of parts traced once for all sets of obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.disassembly.blocking.relation import Blocking
+
+
+class Legs:
+    """Free travel of one part from any displacement along given lines; what was traced is kept."""
+
+    def __init__(self, blocking: Blocking, part: int, lines: Float[np.ndarray, "line 3"]) -> None:
+        """Take in the part and the lines; signed direction ``2 k`` is ``+lines[k]``, ``2 k + 1`` the opposite."""
+        self.blocking = blocking
+        self.part = part
+        self.lines = lines
+        self.signed = np.stack([lines, -lines], axis=1).reshape(-1, 3)
+        self._known: dict[tuple[bytes, int, int], tuple[float, float]] = {}
+
+    def travel(
+        self, offset: Float[np.ndarray, "3"], signed: int, length: float, others: Sequence[int], *, enough: float
+    ) -> tuple[float, int | None]:
+        """Return how far the part goes from an offset, up to a length [m], and the obstacle that stops it if one does.
+
+        Of a part stopped before ``enough`` [m], not necessarily the first obstacle is found.
+        """
+        shortest, stopper = length, None
+        for meeting, other in self.blocking.met(self.part, offset, self.signed[signed], others):
+            if meeting >= shortest:
+                break
+            travel = self._past(offset, signed, other, shortest)
+            if travel < shortest:
+                shortest, stopper = travel, other
+                if shortest < enough:
+                    break
+        return shortest, stopper
+
+    def _past(self, offset: Float[np.ndarray, "3"], signed: int, other: int, length: float) -> float:
+        """Travel past one obstacle, infinite beyond the length."""
+        key = (offset.tobytes(), signed, other)
+        travel, looked = self._known.get(key, (np.inf, 0.0))
+        if np.isinf(travel) and looked < length:
+            travel = self.blocking.travel(self.part, offset, self.signed[signed], other, length=length)
+            self._known[key] = (travel, length)
+        return travel if travel < length else np.inf

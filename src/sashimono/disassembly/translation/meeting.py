@@ -1,0 +1,136 @@
+"""Which lattice points decide whether a part meets an obstacle: few, and all that matter."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Int
+
+from sashimono.disassembly.translation.flood import Scene
+
+_BLOCK = 4
+"""Lattice points along a block: what decides which points can meet need not be finer."""
+_CANDIDATES = 16
+"""Points looked at for each that is kept."""
+
+
+class Drawn(NamedTuple):
+    """Some of a solid's lattice points: a box of the lattice, with a layer around that is there for its shell only."""
+
+    solid: Bool[np.ndarray, "x y z"]
+    first: Int[np.ndarray, "3"]
+    """The lattice point of the box's first corner."""
+
+    @property
+    def shell(self) -> Int[np.ndarray, "point 3"]:
+        """The points, but those of the outermost layer, that have one of their six neighbours outside the solid."""
+        return shell(self.solid) + self.first
+
+
+class SceneBuilder:
+    """Takes in obstacles as they are drawn and keeps, of each pair, the side with fewer points that can meet at all.
+
+    A small screw in a wide lid is told by the screw's points; sampled evenly, the lid's would miss it.
+    """
+
+    def __init__(self, displacements: Int[np.ndarray, "3"], count: int, *, max_points: int) -> None:
+        """Take in the shape of the lattice of displacements, and how many obstacles there are."""
+        self._reach = displacements - 1
+        self._most = max_points
+        self._points = [np.zeros((0, 3), np.int64)] * count
+        self._is_own = [True] * count
+        self._boxes = [np.array([[1, 1, 1], [0, 0, 0]])] * count
+        self._grids: list[Drawn | None] = [None] * count
+
+    def put(self, bit: int, part: Drawn, obstacle: Drawn) -> None:
+        """Put in an obstacle: where it and the part can meet, of both. One that is not put in is met nowhere.
+
+        The obstacle's points are counted from the corner of the lattice that the part's corner is on when it is moved
+        to the first displacement.
+        """
+        own, theirs = part.shell, obstacle.shell
+        if not len(own) or not len(theirs):
+            return
+        low, high = own.min(axis=0), own.max(axis=0)
+        box = np.stack([theirs.min(axis=0) - high, theirs.max(axis=0) - low])
+        own = _within(own, theirs.min(axis=0) - self._reach, theirs.max(axis=0))
+        theirs = _within(theirs, low, high + self._reach)
+        if min(len(own), len(theirs)) > self._most:
+            own, theirs = _thinned(own, _CANDIDATES * self._most), _thinned(theirs, _CANDIDATES * self._most)
+            at = own - obstacle.first
+            own = own[_any_within(_summed(obstacle.solid), at, at + self._reach)]
+            at = theirs - part.first
+            theirs = theirs[_any_within(_summed(part.solid), at - self._reach, at)]
+        is_own = len(own) <= len(theirs)
+        self._points[bit] = _thinned(own if is_own else theirs, self._most)
+        self._is_own[bit] = is_own
+        self._boxes[bit] = box
+        self._grids[bit] = obstacle if is_own else part
+
+    def finished(self) -> Scene | None:
+        """Return the scene of all obstacles put in; None if none is met anywhere."""
+        grids: dict[int, tuple[int, Drawn]] = {}  # many obstacles may share the part's
+        size, start = 0, []
+        for drawn in self._grids:
+            if drawn is not None and id(drawn.solid) not in grids:
+                grids[id(drawn.solid)] = size, drawn
+                size += drawn.solid.size
+            start.append(0 if drawn is None else grids[id(drawn.solid)][0])
+        if not grids:
+            return None
+        return Scene(
+            points=np.concatenate([np.zeros((0, 3), np.int64), *self._points]).astype(np.int32),
+            start=np.cumsum([0, *(len(points) for points in self._points)]),
+            is_own=np.array(self._is_own, np.bool_),
+            boxes=np.array(self._boxes, np.int64).reshape(-1, 2, 3),
+            grids=np.concatenate([drawn.solid.ravel() for _, drawn in grids.values()]),
+            grid_start=np.array(start, np.int64),
+            grid_low=np.array([np.zeros(3) if d is None else d.first for d in self._grids], np.int64),
+            grid_shape=np.array([np.zeros(3) if d is None else d.solid.shape for d in self._grids], np.int64),
+        )
+
+
+def shell(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "point 3"]:
+    """Return the lattice points of a solid that have one of their six neighbours outside it, but no outermost ones."""
+    out = np.zeros_like(solid)
+    inner = solid[1:-1, 1:-1, 1:-1]
+    out[1:-1, 1:-1, 1:-1] = inner
+    inner = inner & solid[:-2, 1:-1, 1:-1] & solid[2:, 1:-1, 1:-1] & solid[1:-1, :-2, 1:-1]
+    inner &= solid[1:-1, 2:, 1:-1] & solid[1:-1, 1:-1, :-2] & solid[1:-1, 1:-1, 2:]
+    out[1:-1, 1:-1, 1:-1] &= ~inner
+    return np.argwhere(out)
+
+
+def _within(
+    points: Int[np.ndarray, "point 3"], low: Int[np.ndarray, "3"], high: Int[np.ndarray, "3"]
+) -> Int[np.ndarray, "_ 3"]:
+    return points[((points >= low) & (points <= high)).all(axis=1)]
+
+
+def _summed(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "x1 y1 z1"]:
+    """How many blocks of lattice points that hold one of a solid come before each block along all three axes."""
+    blocks = solid
+    for axis in range(3):
+        blocks = np.logical_or.reduceat(blocks, np.arange(0, blocks.shape[axis], _BLOCK), axis=axis)
+    table = np.zeros(tuple(n + 1 for n in blocks.shape), np.int32)
+    table[1:, 1:, 1:] = blocks.cumsum(axis=0, dtype=np.int32).cumsum(axis=1).cumsum(axis=2)
+    return table
+
+
+def _any_within(
+    table: Int[np.ndarray, "x1 y1 z1"], low: Int[np.ndarray, "box 3"], high: Int[np.ndarray, "box 3"]
+) -> Bool[np.ndarray, "box"]:
+    """Whether a solid, by its summed table, may have a point in each box, both ends included; to the block."""
+    shape = np.array(table.shape) - 1
+    ends = np.stack([np.clip(low // _BLOCK, 0, shape), np.clip(high // _BLOCK + 1, 0, shape)])
+    total = np.zeros(len(low), np.int64)
+    for corner in np.ndindex(2, 2, 2):
+        x, y, z = (ends[side, :, axis] for axis, side in enumerate(corner))
+        total += (-1) ** (3 - sum(corner)) * table[x, y, z].astype(np.int64)
+    return total > 0
+
+
+def _thinned(points: Int[np.ndarray, "point 3"], most: int) -> Int[np.ndarray, "_ 3"]:
+    """Evenly many of the points, at most so many."""
+    return points if len(points) <= most else points[np.linspace(0, len(points) - 1, most).astype(int)]

@@ -1,0 +1,348 @@
+"""Several translations in a row, where no single one frees a part: a motion, or the proof that there is none.
+
+The configuration space comes first: if its flood finds no way out, that is a proof. Where it finds
+one, it leads an exact search: best first over displacements, each leg traced to where the part is
+stopped, with halts where a flat face of the part comes level with a flat face of an obstacle.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.translation.caging import Cages
+from sashimono.disassembly.translation.configuration_space import Flood, Space, SpaceConfig
+from sashimono.disassembly.translation.halts import Levels, halts
+from sashimono.disassembly.translation.legs import Legs
+from sashimono.geometry import se3
+from sashimono.geometry.overlap import intersection_depth
+
+ROOM = -1
+"""The level of the lattice that shows where there is room."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TranslationConfig:
+    """Budgets of the search; they count work, never time."""
+
+    space: SpaceConfig = field(default_factory=SpaceConfig)
+    max_legs: int = 30
+    """Legs traced on each lattice; those that are stopped at once do not count."""
+    max_traces: int = 45
+    """The same with those that are stopped at once."""
+    max_branches: int = 12
+    """Legs queued from one displacement along one direction."""
+    max_halts: int = 64
+    """Face levels looked at on one leg."""
+    face_levels: int = 16
+    """Faces of one part across one line, the largest, whose levels count, besides its ends."""
+    grain: float = 1e-5
+    """Face levels nearer than this, relative to the part's smallest extent, are one."""
+    max_directions: int = 12
+    """Lines followed from each: the part's own, then the assembly's."""
+    least_travel: float = 0.004
+    """Displacements nearer than this, relative to the part's smallest extent, are one; under the tolerance."""
+    least_leg: float = 0.03
+    """Shortest leg, relative to the part's smallest extent."""
+    leg_cost: float = 0.3
+    """What another leg costs, in steps of the configuration space's lattice."""
+    max_spaces: int = 8
+    """Configuration spaces kept."""
+    room_looks: int = 12
+    """Places along each traced leg from which a way out is looked for where there is room."""
+    booleans: int = 8
+    """Poses on each leg of a way out in which the bodies shared with each obstacle are looked at: samples of large
+    plain faces are too far apart to see a thin wall."""
+    boolean_points: int = 1000
+    """Points of each shared body that are looked at."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TranslationResult:
+    """A removal of several legs, a proof that there is none, or why neither was found."""
+
+    removal: Removal | None
+    proven: bool = False
+    """Whether no removal by translations exists: the parts in ``blocked_by`` alone prevent it."""
+    blocked_by: tuple[int, ...] = ()
+    """Without a proof: the parts met."""
+    reason: str = ""
+    legs: int = 0
+    """Legs traced."""
+
+
+class TranslationSearch:
+    """Searches translations of one part at a time; configuration spaces and face levels are kept."""
+
+    def __init__(self, blocking: Blocking, *, config: TranslationConfig) -> None:
+        self.blocking = blocking
+        self.config = config
+        self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
+        self._spaces: dict[tuple[int, int], Space] = {}
+        self._cages = Cages(blocking, config=config.space)
+        self._legs: Legs | None = None
+
+    def search(self, part: int, others: Sequence[int]) -> TranslationResult:
+        """Return a removal of the part past the others, or the proof that none exists, or neither."""
+        # near the assembled pose a proof costs least, and most parts that are held are held there
+        answer = self.caged(part, others)
+        if answer.proven:
+            return answer
+        mask = sum(1 << other for other in others)
+        led = []
+        for level in range(len(self.config.space.resolutions)):
+            space = self._space(part, level)
+            flood = space.flood(mask)
+            if flood.blocked:
+                return _proven(space.smaller_proof(flood.proof))
+            led.append((space, flood))
+        return self._led(part, others, led)
+
+    def caged(self, part: int, others: Sequence[int]) -> TranslationResult:
+        """Return the proof on fine lattices that the others let the part nowhere by translations, or nothing."""
+        proof = self._cages.prove(part, sum(1 << other for other in others))
+        return TranslationResult(removal=None) if proof is None else _proven(proof)
+
+    def _led(self, part: int, others: Sequence[int], led: list[tuple[Space, Flood]]) -> TranslationResult:
+        found = TranslationResult(removal=None)
+        for space, flood in (led[-1], led[0]):  # the finest lattice is the most faithful, the coarsest sees farthest
+            legs, room = self._legs_of(part), self._space(part, ROOM)
+            found = _BestFirst(legs, self._levels, others, space, flood, room, self.config).run()
+            if found.removal is not None:
+                break
+        return found
+
+    def _legs_of(self, part: int) -> Legs:
+        if self._legs is None or self._legs.part != part:
+            self._legs = Legs(self.blocking, part, _lines(self.blocking, part, self.config.max_directions))
+        return self._legs
+
+    def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
+        """Return the mask of the parts that a removal by translations runs into."""
+        mask = 0
+        stops = removal.displacements[:, :3, 3]
+        for other in among:
+            for leg, (start, stop) in enumerate(pairwise(stops)):
+                length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
+                direction = (stop - start) / np.linalg.norm(stop - start)
+                if np.isfinite(self.blocking.travel(part, start, direction, other, length=length)):
+                    mask |= 1 << other
+                    break
+        return mask
+
+    def _space(self, part: int, level: int) -> Space:
+        key = (part, level)
+        if key not in self._spaces:
+            while len(self._spaces) >= self.config.max_spaces:
+                self._spaces.pop(next(iter(self._spaces)))
+            config, grown = self.config.space, level == ROOM
+            resolution = config.room_resolution if grown else config.resolutions[level]
+            self._spaces[key] = Space(self.blocking, part, resolution, config=config, grown=grown)
+        return self._spaces[key]
+
+
+class _BestFirst:
+    """One search: legs that end nearest to the way out of the configuration space first.
+
+    A leg is traced only when its turn comes; until then the lattice bounds how long it can be.
+    """
+
+    def __init__(
+        self,
+        legs: Legs,
+        levels: Levels,
+        others: Sequence[int],
+        space: Space,
+        flood: Flood,
+        room: Space,
+        config: TranslationConfig,
+    ) -> None:
+        self.legs = legs
+        self.blocking, self.part, self.others = legs.blocking, legs.part, list(others)
+        blocking, part = self.blocking, self.part
+        self.space, self.flood, self.room, self.config = space, flood, room, config
+        self.tried: set[tuple[int, ...]] = set()
+        self.boxes = blocking.boxes_in(np.eye(3))
+        self.mask = sum(1 << other for other in others)
+        self.cell = config.least_travel * float(blocking.sizes[part])
+        self.least = config.least_leg * float(blocking.sizes[part])
+        self.lines, self.signed = legs.lines, legs.signed
+        self.differences = levels.differences(part, others, self.lines)
+        self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
+        self.seen: set[tuple[int, ...]] = set()
+        self.reach: dict[tuple[tuple[int, ...], int], float] = {}
+        self.met: set[int] = set()
+        self.pushed = 0
+
+    def run(self) -> TranslationResult:
+        """Return the first way out, or that there is none, or that the budget ran out."""
+        removal = self._through_room([np.zeros(3)], np.zeros(3), 0.0)
+        if removal is not None:
+            return TranslationResult(removal=removal)
+        self._expand([np.zeros(3)])
+        traced = looked = 0
+        while self.queue and traced < self.config.max_legs and looked < self.config.max_traces:
+            _, _, path, signed, length = heapq.heappop(self.queue)
+            direction = self.signed[signed]
+            key = (self._key(path[-1]), signed)
+            end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
+            if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
+                continue
+            travel, stopper = self.legs.travel(path[-1], signed, length, self.others, enough=self.cell)
+            traced += int(travel > self.least)
+            looked += 1
+            if stopper is None and np.isinf(length):
+                removal = self._removal(path, direction)
+                if self._holds(removal):
+                    return TranslationResult(removal=removal, legs=traced)
+                continue
+            removal = self._through_room(path, direction, travel)
+            if removal is not None:
+                return TranslationResult(removal=removal, legs=traced)
+            if stopper is None:
+                self._expand([*path, end])
+                continue
+            self.met.add(stopper)
+            self.reach[key] = travel
+            # where curved faces meet there is no level: back off to where they touch
+            back = travel - self.blocking.limit(self.part, stopper)
+            if back > self.least:
+                self._push(path, np.array([signed]), np.array([back]), np.array([False]))
+        reason = (
+            f"translation search ran out of its budget of {traced} legs"
+            if self.queue
+            else f"no way out by translations along the {len(self.lines)} lines tried, and no proof that there is none"
+        )
+        return TranslationResult(removal=None, blocked_by=tuple(sorted(self.met)), reason=reason, legs=traced)
+
+    def _through_room(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"], travel: float) -> Removal | None:
+        """Return the removal that leaves a traced leg where there is room, if from there a way leads out."""
+        steps = self.config.room_looks
+        for u in np.arange(1, steps + 1) / steps if travel > self.least else [1.0]:
+            here = path[-1] + u * travel * direction
+            way = self.room.way(self.mask, here, self.tried)
+            if not way:
+                continue
+            stops = [*path, *([here] if travel > 0.0 else []), *way[1:]]
+            legs = [(start, stop - start) for start, stop in pairwise(stops)][len(path) - 1 :]
+            lengths = [float(np.linalg.norm(leg)) for _, leg in legs]
+            if any(
+                self._is_stopped(start, leg / length, np.inf if k == len(legs) - 1 else length)
+                for k, ((start, leg), length) in enumerate(zip(legs, lengths, strict=True))
+            ):
+                continue
+            removal = self._removal(stops[:-1], legs[-1][1] / lengths[-1])
+            if self._holds(removal):
+                return removal
+        return None
+
+    def _is_stopped(self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float) -> bool:
+        blocking, part = self.blocking, self.part
+        return any(
+            meeting < length and np.isfinite(blocking.travel(part, offset, direction, other, length=length))
+            for meeting, other in blocking.met(part, offset, direction, self.others)
+        )
+
+    def _expand(self, path: list[np.ndarray]) -> None:
+        """Queue the most promising legs that start at the end of a path."""
+        here = path[-1]
+        self.seen.add(self._key(here))
+        signs, lengths, exits = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0, bool)]
+        for signed, direction in enumerate(self.signed):
+            travel, stoppers = self.space.travel(self.mask, here, direction)
+            self.met.update(bits(stoppers))
+            ends = halts(self.differences, self.lines, here, direction, travel, self.config.max_halts)
+            ends = np.append(ends[ends > self.least], np.inf)
+            signs.append(np.full(len(ends), signed))
+            lengths.append(ends)
+            exits.append(np.full(len(ends), not stoppers))
+        self._push(path, np.concatenate(signs), np.concatenate(lengths), np.concatenate(exits))
+
+    def _push(
+        self,
+        path: list[np.ndarray],
+        signed: Int[np.ndarray, "leg"],
+        lengths: Float[np.ndarray, "leg"],
+        is_open: Bool[np.ndarray, "leg"],
+    ) -> None:
+        """Queue legs; infinite ones, where the lattice leaves their line open, are ways out."""
+        ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.signed[signed]
+        steps = self.space.distances(self.flood, ends)
+        steps[np.isinf(lengths) & is_open] = 0.0
+        places = np.round(ends / self.cell).astype(int).tolist()
+        queued = np.zeros(len(self.signed), dtype=int)
+        for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
+            is_known = np.isfinite(lengths[k]) and tuple(places[k]) in self.seen
+            if is_known or queued[signed[k]] == self.config.max_branches:
+                continue
+            queued[signed[k]] += 1
+            self.pushed += 1
+            cost = float(steps[k]) + self.config.leg_cost * len(path)
+            heapq.heappush(self.queue, (cost, self.pushed, path, int(signed[k]), float(lengths[k])))
+
+    def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
+        return tuple(np.round(place / self.cell).astype(int).tolist())
+
+    def _holds(self, removal: Removal) -> bool:
+        """Whether exact bodies go no deeper than traced samples may, in some poses of each leg."""
+        blocking = self.blocking
+        for start, stop in pairwise(removal.displacements[:, :3, 3]):
+            for u in (np.arange(self.config.booleans) + 0.5) / self.config.booleans:
+                offset = (1.0 - u) * start + u * stop
+                for other in self._around(offset):
+                    T = se3.inverse(blocking.poses[other]) @ se3.make(None, offset) @ blocking.poses[self.part]
+                    depth = intersection_depth(
+                        blocking.bodies[self.part], blocking.bodies[other], T, max_points=self.config.boolean_points
+                    )
+                    if depth is not None and depth > self._tolerated(other):
+                        self.met.add(other)
+                        return False
+        return True
+
+    def _around(self, offset: Float[np.ndarray, "3"]) -> list[int]:
+        """The obstacles whose boxes the part's box meets at an offset."""
+        low, high = self.boxes[self.part] + offset
+        boxes = self.boxes[self.others]
+        meets = ((boxes[:, 0] < high) & (boxes[:, 1] > low)).all(axis=1)
+        return [other for other, is_near in zip(self.others, meets, strict=True) if is_near]
+
+    def _tolerated(self, other: int) -> float:
+        """The depth that a plan may have [m]."""
+        share = self.config.space.tolerance * self.blocking.scale(self.part, other)
+        return share + float(self.blocking.allowances[self.part, other])
+
+    def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:
+        blocking = self.blocking
+        back = blocking.world_bounds_along(self.part, direction)[0] + float(path[-1] @ direction)
+        front = max(blocking.world_bounds_along(other, direction)[1] for other in self.others)
+        end = path[-1] + (max(front - back, 0.0) + 0.05 * blocking.sizes[self.part]) * direction
+        displacements = np.stack([np.eye(4)] * (len(path) + 1))
+        displacements[1:-1, :3, 3] = np.array(path[1:]).reshape(-1, 3)
+        displacements[-1, :3, 3] = end
+        return Removal(displacements=displacements, exit_direction=direction)
+
+
+def _proven(parts: tuple[int, ...]) -> TranslationResult:
+    return TranslationResult(
+        removal=None,
+        proven=True,
+        blocked_by=parts,
+        reason="proven for translations of this part alone: its configuration space has no way out past these parts",
+    )
+
+
+def _lines(blocking: Blocking, part: int, most: int) -> Float[np.ndarray, "line 3"]:
+    """The part's own lines, then those of all parts, without repeats."""
+    kept: list[np.ndarray] = []
+    for line in np.concatenate([blocking.part_lines[part], blocking.common_lines]):
+        if len(kept) < most and all(abs(line @ other) < 0.99996 for other in kept):
+            kept.append(line)
+    return np.array(kept)

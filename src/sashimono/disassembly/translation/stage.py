@@ -1,0 +1,82 @@
+"""The stage of translations: along directions read off the contacts, then several in a row, or a proof of "no"."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.blocking.stage import straight_removal
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.separation import Separation
+from sashimono.disassembly.translation.contact_normals import ContactNormals, escape_directions, immobile_margin
+from sashimono.disassembly.translation.search import TranslationResult, TranslationSearch
+from sashimono.plan import Answer, MotionClass
+
+
+class TranslationStage:
+    """Any translations of one part: a motion, the proof that there is none, or neither."""
+
+    name = "translation"
+    motions = MotionClass.TRANSLATIONS
+
+    def __init__(
+        self,
+        blocking: Blocking,
+        contacts: ContactNormals,
+        search: TranslationSearch,
+        *,
+        escape_samples: int,
+        proof_margin: float,
+    ) -> None:
+        """Take in the relation, the contacts that may hold a part, the search, and two options of the contacts.
+
+        Args:
+            blocking: The parts and their relation.
+            contacts: Which parts touch, as a proof needs it.
+            search: Of several translations in a row.
+            escape_samples: As in `SeparateConfig`.
+            proof_margin: As in `SeparateConfig`.
+        """
+        self.blocking, self.contacts, self.search = blocking, contacts, search
+        self.escape_samples, self.proof_margin = escape_samples, proof_margin
+
+    def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
+        others = remaining & ~(1 << part)
+        contacts = self.contacts.of(part, others, samples=self.escape_samples)
+        directions, margin = escape_directions(contacts, samples=self.escape_samples)
+        for direction in directions:
+            if all(np.isinf(self.blocking.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
+                removal = straight_removal(self.blocking, 1 << part, others, direction)
+                return self._free(part, remaining, removal, stage="contacts")
+        if margin < -self.proof_margin:
+            # a ridge lower than the tolerance touches too: this is a hint where a proof is to be had
+            needed = immobile_margin(contacts, margin=self.proof_margin)
+            caged = self.search.caged(part, needed)
+            if caged.proven:
+                return self._blocked(caged, stage="contacts")
+        found = self.search.search(part, bits(others))
+        if found.removal is not None:
+            return self._free(part, remaining, found.removal, stage=self.name)
+        return self._blocked(found, stage=self.name)
+
+    def can_recall(self, found: Separation) -> bool:
+        return True
+
+    def still_fails(self, said: Separation, asked: int, others: int) -> bool:
+        holders = sum(1 << k for k in said.blocked_by)
+        return holders & ~others == 0 and (said.proven_for is not None or others & ~asked == 0)
+
+    def _free(self, part: int, remaining: int, removal: Removal, *, stage: str) -> Separation:
+        absent = bits(self.blocking.all_parts & ~remaining)
+        hits = self.search.hit_by(part, removal, absent)
+        return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=stage)
+
+    def _blocked(self, found: TranslationResult, *, stage: str) -> Separation:
+        return Separation(
+            answer=Answer.PROVEN_BLOCKED if found.proven else Answer.UNKNOWN,
+            proven_for=self.motions if found.proven else None,
+            stage=stage,
+            blocked_by=found.blocked_by,
+            reason=found.reason,
+        )
