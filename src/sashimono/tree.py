@@ -10,7 +10,7 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_body, merge_parts
-from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
+from sashimono.contact import ContactChoice, ContactConfig, Gripper, choose_contacts, named_gripper
 from sashimono.disassembly.blocking import bits
 from sashimono.disassembly.separate import Separation, names_of
 from sashimono.disassembly.sequence import Ban, Departure, DisassemblyResult
@@ -51,7 +51,9 @@ class TreePlanner:
     motion: MotionConfig
     contact: ContactConfig | None
     """None: no contacts are asked for."""
-    gripper: str
+    gripper: str | Gripper
+    report: tuple[str | Gripper, ...]
+    """Grippers of which each step says whether they can take the part."""
     samples: SampleConfig
     stage: Callable[[str], AbstractContextManager[None]]
     """Entered with "motion" or "contact" while that level works."""
@@ -155,6 +157,7 @@ class TreePlanner:
             config=self.contact,
             rng=rng,
             bodies=bodies,
+            report=[tool for tool in map(named_gripper, self.report) if isinstance(tool, Gripper)],
             progress=lambda name: progress("contact", next(done), len(order)),
         )
 
@@ -175,6 +178,8 @@ class TreePlanner:
                 motion=motions.motions[name],
                 contact=contacts[name].contact,
                 contact_reason=contacts[name].reason,
+                carry=contacts[name].carry,
+                grippers=contacts[name].grippers,
                 moving=() if below is None else self._members(departures[name]),
                 subassembly=None
                 if below is None
