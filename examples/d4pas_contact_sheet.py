@@ -1,7 +1,7 @@
 """Draw a contact sheet of D4PAS: a whole product of each family, coloured and numbered by assembly order.
 
-    pip install 'sashimono[dataset,render]'
-    python examples/d4pas_contact_sheet.py [DATASET] [--out sheet.webp]
+pip install 'sashimono[dataset,render]'
+python examples/d4pas_contact_sheet.py [DATASET] [--out sheet.webp]
 """
 
 from __future__ import annotations
