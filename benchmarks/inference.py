@@ -26,7 +26,9 @@ def main() -> None:
     options = parser.parse_args()
     network, rng = load_network(options.network), np.random.default_rng(0)
     times, parts, right, steps, changed = [], [], [], 0, 0
-    for blueprint in d4pas.load(options.data).split(options.split)[: options.count]:
+    chosen = [blueprint for blueprint in d4pas.load(options.data).split(options.split) if len(blueprint) > 2]
+    for k in np.random.default_rng(0).permutation(len(chosen))[: options.count].tolist():
+        blueprint = chosen[k]
         clouds = assembly_clouds(blueprint.assembly(), network.relations, seed=blueprint.seed)
         if not times:
             infer(blueprint.parts, clouds, network)  # compiles
