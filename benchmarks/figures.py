@@ -51,18 +51,19 @@ def figures() -> str:
     sizes = list(single["curve"]["median s"])
     return "\n\n".join(
         [
-            f"Measured on {where['cores']} cores of {where['processor']}, Python {where['python']}, {where['date']}, "
-            "processor time unless said otherwise, other runs on the second core; failures stay in the denominator.",
+            f"Measured on {where['cores']} cores of {where['processor']}, Python {where['python']}, processor time "
+            "unless said otherwise; failures stay in the denominator. Each figure says of which commit it is.",
             "Real CAD from public repositories (`python benchmarks/real_cad.py --jobs 2 --second-opinion`; refuted: "
-            "complete plans against which a third check, by exact booleans along the motion, found anything):",
+            "complete plans against which a third check, by exact booleans along the motion, found "
+            f"anything; {taken(real)}):",
             table(("kind", "ended", "complete and verified", "refuted", "median", "worst", "peak memory"), rows),
             f"Removal conditions against exact answers, {len(truth['assemblies'])} assemblies, {queries:,} queries "
-            f"(`python benchmarks/truth.py`): {free} false “free”, {blocked} false “blocked”; in {disputed} queries "
-            "the table itself is wrong, by a motion that the verifier and exact booleans confirm. Of the "
-            f"{clauses} clauses' witness motions the verifier refutes {refuted}.",
+            f"(`python benchmarks/truth.py`; {taken(truth)}): {free} false “free”, {blocked} false “blocked”, "
+            f"{disputed} disputed (the table is wrong, by a motion that the verifier and exact booleans confirm). Of "
+            f"the {clauses} clauses' witness motions the verifier refutes {refuted}.",
             "Removal conditions and a first order, one process, warm, processor time, generated assemblies of five "
-            "families (first row: `python benchmarks/level1.py --single`; the others, slower beyond, were taken up to "
-            "40 parts: `python benchmarks/level1.py --generated 5 10 20 40`):",
+            f"families (first row: `python benchmarks/level1.py --single`, {taken(single)}; the others, slower beyond, "
+            f"were taken up to 40 parts: `python benchmarks/level1.py --generated 5 10 20 40`, {taken(level1)}):",
             table(
                 ("", *(f"{size} parts" for size in sizes)),
                 (
@@ -75,7 +76,7 @@ def figures() -> str:
                 ),
             ),
             f"Time grows with the number of parts to the power of {single['curve']['exponent']}.",
-            "Whole commands (`python benchmarks/speed.py --cold`):",
+            f"Whole commands (`python benchmarks/speed.py --cold`; {taken(speed)}):",
             table(
                 ("command", "processor time", "wall time", "peak memory"),
                 (
@@ -85,6 +86,11 @@ def figures() -> str:
             ),
         ]
     )
+
+
+def taken(result: dict) -> str:
+    """Return when and of which commit a result was taken."""
+    return f"{result['machine']['date']}, commit {result['machine']['commit']}"
 
 
 def load(path: Path) -> dict:
