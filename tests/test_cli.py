@@ -157,11 +157,11 @@ def test_partial_plan_is_written_and_exits_3(
     monkeypatch.setattr("sashimono.pipeline.plan_assembly", plan_with_status("partial", calls))
     out = tmp_path / "out"
     assert (
-        run(["plan", str(two_boxes), "--out", str(out), "--seed", "5", "--gripper", "panda", "--no-contacts"])
+        run(["plan", str(two_boxes), "--out", str(out), "--seed", "5", "--gripper", "franka-hand", "--no-contacts"])
         == NO_PLAN
     )
     assert calls["seed"] == 5
-    assert calls["config"].gripper == "panda"
+    assert calls["config"].gripper == "franka-hand"
     assert calls["config"].contacts is False
     assert json.loads((out / "plan.json").read_text())["status"] == "partial"
     assert "partial" in capsys.readouterr().out

@@ -27,7 +27,7 @@ from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
 from sashimono.plan import Motion, Segment, Table
 
-PANDA = PRESETS["panda"]
+PANDA = PRESETS["franka-hand"]
 CONFIG = ContactConfig(samples=128, max_candidates=60)
 TABLE_AT_ZERO = Table(normal=np.array([0.0, 0.0, 1.0]), offset=0.0)
 
@@ -75,9 +75,10 @@ def still(part):
 
 def choose(part, motion, parts=(), table=None, gripper=PANDA, config=CONFIG, seed=0):
     obstacles = [still(other) for other in parts]
-    return choose_contact(
+    choice = choose_contact(
         part, motion, obstacles, table, gripper=gripper, config=config, rng=np.random.default_rng(seed)
     )
+    return choice.contact, choice.reason
 
 
 def check_contact(part, contact):
@@ -291,8 +292,8 @@ def test_level_three_of_a_small_assembly():
 
 def test_gripper_names():
     assert named_gripper("auto") is None
-    assert named_gripper("2f_85").max_opening == 0.085
-    with pytest.raises(SashimonoError, match="auto, 2f_85, hand_e, panda"):
+    assert named_gripper("robotiq-2f85").max_opening == 0.085
+    with pytest.raises(SashimonoError, match="fingertips, auto, franka-hand"):
         named_gripper("3f")
 
 

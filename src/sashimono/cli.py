@@ -129,7 +129,17 @@ def plan(
         str | None,
         typer.Option(metavar="NAME", help="with --method physics: simulate on this Warp device (cuda:0, cpu)"),
     ] = None,
-    gripper: Annotated[str, typer.Option(metavar="NAME", help="a gripper's name, or auto: in proportion")] = "auto",
+    gripper: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="what holds the parts: fingertips, a gripper's name, a .json file, or auto: jaws in proportion",
+        ),
+    ] = "fingertips",
+    grippers: Annotated[
+        str,
+        typer.Option(metavar="NAMES", help="say of each step which of these grippers can do it: all, none, or names"),
+    ] = "none",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
     declare_threads: Annotated[
         bool,
@@ -149,7 +159,7 @@ def plan(
 
         find_device(device)
     refuse_unwritable(out)
-    options = {"method": method, "device": device, "gripper": gripper, "contacts": contacts}
+    options = {"method": method, "device": device, "gripper": gripper, "grippers": grippers, "contacts": contacts}
     options |= {"unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
     return plan_and_write(source, out, **options)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
@@ -13,6 +14,7 @@ from sashimono.outputs import replacing_together
 
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
+    from sashimono.contact import Gripper
     from sashimono.io.raw import ReadConfig
     from sashimono.plan import AssemblyPlan
 
@@ -32,20 +34,20 @@ def plan_and_write(
     seed: int,
     method: str = "cascade",
     device: str | None = None,
-    gripper: str = "auto",
+    gripper: str = "fingertips",
+    grippers: str = "none",
     contacts: bool = True,
     declare_threads: bool = False,
     copy_input: bool = False,
 ) -> int:
     from sashimono.console import progress_display, summary_lines
-    from sashimono.contact.gripper import named_gripper
     from sashimono.disassembly.cascade import SeparateConfig
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.read import read_assembly
     from sashimono.pipeline import PipelineConfig, plan_assembly
 
-    named_gripper(gripper)
+    tool, asked = find_gripper(gripper), find_grippers(grippers)
     assembly = read_assembly(source, unit=unit, config=reading_options(split))
     for note in assembly.notes:
         typer.echo(f"note: {note}", err=True)
@@ -54,7 +56,8 @@ def plan_and_write(
             method=cast("Literal['cascade', 'physics', 'past']", method),
             algorithm1=Algorithm1Config(device=device),
             separate=SeparateConfig(declare=DeclareConfig(enabled=declare_threads)),
-            gripper=gripper,
+            gripper=tool,
+            grippers=asked,
             contacts=contacts,
         )
         found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
@@ -64,6 +67,31 @@ def plan_and_write(
     typer.echo(f"written: {', '.join(str(out / name) for name in ('plan.json', 'plan.glb'))}")
     typer.echo(f"open in a browser: {(out / 'plan.html').resolve()}")
     return OK if found.status == "complete" else NO_PLAN
+
+
+def find_gripper(name: str) -> str | Gripper:
+    """Return a gripper's name, or the gripper that a .json file describes; SashimonoError where there is none."""
+    from sashimono.contact import gripper_from_fields, named_gripper
+
+    if not name.endswith(".json"):
+        named_gripper(name)
+        return name
+    try:
+        fields = json.loads(Path(name).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise SashimonoError(f"{name}: cannot be read as a gripper: {error}") from error
+    if not isinstance(fields, dict):
+        raise SashimonoError(f"{name}: not one JSON object with the fields of a gripper.")
+    return gripper_from_fields(fields, name)
+
+
+def find_grippers(names: str) -> tuple[str | Gripper, ...]:
+    """Return the grippers that ``--grippers`` names: none, all (the real ones), or some, separated by commas."""
+    from sashimono.contact import PRESETS
+
+    if names == "none":
+        return ()
+    return tuple(PRESETS) if names == "all" else tuple(find_gripper(name.strip()) for name in names.split(","))
 
 
 def reading_options(split: str) -> ReadConfig:

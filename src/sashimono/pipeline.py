@@ -14,7 +14,7 @@ import numpy as np
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
-from sashimono.contact import ContactConfig, Executability, named_gripper
+from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
@@ -50,8 +50,11 @@ class PipelineConfig:
     motion: MotionConfig = field(default_factory=MotionConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
     verify: VerifyConfig = field(default_factory=VerifyConfig)
-    gripper: str = "auto"
-    """A preset's name, or ``auto``: generic jaws in proportion to each part."""
+    gripper: str | Gripper = "fingertips"
+    """``fingertips``: two balls at the contact points, as in the paper; a preset's name; ``auto``: generic jaws in
+    proportion to each part; or a gripper."""
+    grippers: tuple[str | Gripper, ...] = ()
+    """Grippers of which each step says whether they can take the part all the way."""
     contacts: bool = True
     """Whether level 3 runs."""
     max_attempts: int = 4
@@ -72,7 +75,8 @@ def plan_assembly(
     same plan, timings apart. Raises SashimonoError for an unknown gripper.
     """
     config = config or PipelineConfig()
-    named_gripper(config.gripper)
+    for tool in (config.gripper, *config.grippers):
+        named_gripper(tool)
     clock = _Clock()
     rng_bodies, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
     with clock.stage("sequence"):
@@ -85,6 +89,7 @@ def plan_assembly(
         motion=config.motion,
         contact=config.contact if config.contacts else None,
         gripper=config.gripper,
+        report=config.grippers,
         samples=config.samples,
         stage=clock.stage,
     )
@@ -216,7 +221,9 @@ class _Judge:
             fixed = tuple(name for name in step.fixed if name not in gone)
             step = replace(step, fixed=fixed, motion=self._with_evidence(step, entry))
             if entry.contact_problems:
-                step = replace(step, contact=None, contact_reason=f"refuted by the check: {entry.contact_problems[0]}")
+                step = replace(
+                    step, contact=None, carry=None, contact_reason=f"refuted by the check: {entry.contact_problems[0]}"
+                )
             if step.subassembly is not None:
                 inner = self.hold(step.subassembly.steps, entry.inside)
                 order = tuple(each.part for each in inner)

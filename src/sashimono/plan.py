@@ -121,6 +121,11 @@ class Step:
     contact: Contact | None
     contact_reason: str | None = None
     """Why there is no contact; None if there is one."""
+    carry: Contact | None = None
+    """The grasp that brings the part to where ``contact`` takes over; None if that holds it all the way, or if there is
+    none. Both say in their details from which pose to which they act (``from_pose``, ``to_pose``)."""
+    grippers: Mapping[str, str | None] = field(default_factory=dict)
+    """Of the grippers asked about: None for one that can take the part all the way, else why it cannot."""
     moving: tuple[str, ...] = ()
     """All parts of the subassembly, `part` included; empty for a single part."""
     subassembly: Subassembly | None = None

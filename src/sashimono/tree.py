@@ -10,7 +10,7 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_body, merge_parts
-from sashimono.contact import ContactChoice, ContactConfig, choose_contacts, named_gripper
+from sashimono.contact import ContactChoice, ContactConfig, Gripper, choose_contacts, named_gripper
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.separation import Separation, names_of
@@ -52,7 +52,9 @@ class TreePlanner:
     motion: MotionConfig
     contact: ContactConfig | None
     """None: no contacts are asked for."""
-    gripper: str
+    gripper: str | Gripper
+    report: tuple[str | Gripper, ...]
+    """Grippers of which each step says whether they can take the part."""
     samples: SampleConfig
     stage: Callable[[str], AbstractContextManager[None]]
     """Entered with "motion" or "contact" while that level works."""
@@ -156,6 +158,7 @@ class TreePlanner:
             config=self.contact,
             rng=rng,
             bodies=bodies,
+            report=[tool for tool in map(named_gripper, self.report) if isinstance(tool, Gripper)],
             progress=lambda name: progress("contact", next(done), len(order)),
         )
 
@@ -176,6 +179,8 @@ class TreePlanner:
                 motion=motions.motions[name],
                 contact=contacts[name].contact,
                 contact_reason=contacts[name].reason,
+                carry=contacts[name].carry,
+                grippers=contacts[name].grippers,
                 moving=() if below is None else self._members(departures[name]),
                 subassembly=None
                 if below is None

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Generic, Protocol, TypeVar, runtime_checkable
+
 import numpy as np
 from jaxtyping import Float
 
@@ -10,13 +13,26 @@ from sashimono.contact.antipodal import GraspPairs, antipodal_pairs
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.ferrari_canny import ferrari_canny, quality_bound
 from sashimono.contact.gripper import Gripper
-from sashimono.contact.samples import main_lines, sample_contacts
+from sashimono.contact.samples import main_lines, sample_contacts, steady
 from sashimono.contact.wrenches import contact_wrenches, torsional_friction
 from sashimono.geometry import mesh, se3
 from sashimono.geometry.body import Body
 
 
-class GraspCandidates:
+@runtime_checkable
+class Patch(Protocol):
+    """What the qualities need to know of what holds the part."""
+
+    @property
+    def patch_radius(self) -> float:
+        """Radius of the contact patch [m]."""
+        ...
+
+
+Holder = TypeVar("Holder", bound=Patch)
+
+
+class GraspCandidates(Generic[Holder]):
     """Distinct antipodal grasps of one part with one gripper, in the part frame.
 
     Exact qualities are worked out when first asked for and kept.
@@ -26,7 +42,7 @@ class GraspCandidates:
         self,
         pairs: GraspPairs,
         *,
-        gripper: Gripper,
+        gripper: Holder,
         center: Float[np.ndarray, "3"],
         radius: float,
         lines: Float[np.ndarray, "line 3"],
@@ -52,7 +68,7 @@ class GraspCandidates:
     def __len__(self) -> int:
         return len(self.pairs)
 
-    def moved(self, T: Float[np.ndarray, "4 4"]) -> GraspCandidates:
+    def moved(self, T: Float[np.ndarray, "4 4"]) -> GraspCandidates[Holder]:
         """Return the same grasps in the frame of an identical part: T takes this part's points to that part's."""
         R = T[:3, :3]
         pairs = GraspPairs(
@@ -109,14 +125,26 @@ class GraspCandidates:
 
 
 def find_candidates(
-    part: Part, body: Body, *, gripper: Gripper, config: ContactConfig, rng: np.random.Generator
-) -> GraspCandidates:
-    """Return the distinct antipodal grasps of a part with a gripper, in the part frame."""
+    part: Part,
+    body: Body,
+    *,
+    gripper: Gripper,
+    config: ContactConfig,
+    rng: np.random.Generator,
+    off_edges: bool = False,
+) -> GraspCandidates[Gripper]:
+    """Return the distinct antipodal grasps of a part with a gripper, in the part frame.
+
+    ``off_edges`` leaves out those with a contact at an edge, where the normal is a matter of rounding.
+    """
     center = body.mass_center
     radius = mesh.radius(part.vertices_part, center)
     lines = main_lines(part.vertices_part, part.faces, config)
     samples = sample_contacts(part.vertices_part, part.faces, body, lines, center=center, config=config, rng=rng)
     pairs = antipodal_pairs(samples, body, max_opening=gripper.max_opening, center=center, radius=radius, config=config)
+    if off_edges and len(pairs):
+        kept = steady(body, pairs.points.reshape(-1, 3), pairs.normals.reshape(-1, 3)).reshape(-1, 2).all(axis=1)
+        pairs = replace(pairs, points=pairs.points[kept], normals=pairs.normals[kept])
     return GraspCandidates(pairs, gripper=gripper, center=center, radius=radius, lines=lines, config=config)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
-from typing import NamedTuple
+from dataclasses import asdict, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,8 @@ from sashimono.contact.access import Access
 from sashimono.contact.candidates import GraspCandidates, congruence, find_candidates
 from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
-from sashimono.contact.gripper import Gripper, proportionate_gripper
+from sashimono.contact.gripper import FingertipTool, Gripper, Tool, proportionate_gripper
+from sashimono.contact.tip_contact import TipGrasps, choose_tip_contact, find_tip_grasps
 from sashimono.geometry.body import Body
 from sashimono.plan import Contact, Motion, Table
 
@@ -30,6 +31,10 @@ class ContactChoice(NamedTuple):
 
     contact: Contact | None
     reason: str | None
+    carry: Contact | None = None
+    """The grasp that brings the part to where ``contact`` takes over; None if that holds it all the way."""
+    grippers: Mapping[str, str | None] = {}
+    """Of the grippers asked about: None for one that can take the part all the way, else why it cannot."""
 
 
 def choose_contact(
@@ -42,7 +47,7 @@ def choose_contact(
     config: ContactConfig,
     rng: np.random.Generator,
     body: Body | None = None,
-    candidates: GraspCandidates | None = None,
+    candidates: GraspCandidates[Gripper] | None = None,
 ) -> ContactChoice:
     """Return the best grasp with which the gripper reaches, carries and lets go of the part, or why there is none.
 
@@ -56,7 +61,7 @@ def choose_contact(
     if body is None:
         body = make_body(part)
     if candidates is None:
-        candidates = find_candidates(part, body, gripper=gripper, config=config, rng=rng)
+        candidates = find_candidates(part, body, gripper=gripper, config=config, rng=rng, off_edges=True)
     if len(candidates) == 0:
         return ContactChoice(None, _no_pair_reason(candidates))
     access = Access(body, motion, obstacles, table, gripper, config)
@@ -83,23 +88,26 @@ def choose_contacts(
     motions: Mapping[str, Motion],
     table: Table | None,
     *,
-    gripper: Gripper | None,
+    gripper: Tool,
     config: ContactConfig,
     rng: np.random.Generator,
     bodies: Mapping[str, Body] | None = None,
+    report: Sequence[Gripper] = (),
     progress: Callable[[str], object] | None = None,
 ) -> dict[str, ContactChoice]:
     """Return the contact of each part in an assembly order (base part first), or why it has none.
 
-    ``gripper=None`` takes one in proportion to each part (`proportionate_gripper`). Parts without a motion are
-    neither held nor in the way. Identical parts share their candidates. ``bodies`` may be those of level 2;
-    ``progress`` is called with the name of each part when it is done.
+    `FINGERTIPS` asks for two balls that can hold the part, else one that can push it home (`choose_tip_contact`);
+    ``gripper=None`` takes one in proportion to each part (`proportionate_gripper`). For the grippers in ``report`` it
+    is said besides whether each can take the part all the way, looking at ``config.report_candidates`` grasps.
+    Parts without a motion are neither held nor in the way. Identical parts share their candidates. ``bodies`` may be
+    those of level 2; ``progress`` is called with the name of each part when it is done.
     """
     if bodies is None:
         bodies = make_bodies(assembly)
-    streams = dict(zip(assembly.names, rng.spawn(len(assembly)), strict=True))
-    twins = {name: group for group in assembly.identical for name in group}
-    shared: dict[str, GraspCandidates] = {}
+    choosers = [_Chooser(assembly, bodies, tool, config, rng) for tool in (gripper, *report)]
+    for chooser in choosers[1:]:
+        chooser.config = replace(config, max_candidates=config.report_candidates)
     choices: dict[str, ContactChoice] = {}
     moved = [name for name in order if name in motions]
     for name in order:
@@ -108,31 +116,82 @@ def choose_contacts(
         elif name == order[0] or len(motions[name].T_world_part) == 1:
             choices[name] = ContactChoice(None, BASE_REASON)
         else:
-            part, body = assembly.part(name), bodies[name]
-            candidates = _from_twin(assembly, part, twins.get(name, ()), shared)
-            if candidates is None:
-                jaw = gripper or proportionate_gripper(body)
-                candidates = find_candidates(part, body, gripper=jaw, config=config, rng=streams[name])
-                shared[name] = candidates
-            choices[name] = choose_contact(
-                part,
-                motions[name],
-                _obstacles(assembly, moved, moved.index(name), motions, bodies),
-                table,
-                gripper=candidates.gripper,
-                config=config,
-                rng=streams[name],
-                body=body,
-                candidates=candidates,
-            )
-        logger.debug("contact of %s: %s", name, choices[name].reason or "grasp")
+            k = moved.index(name)
+            around = (_placed(assembly, moved[:k], bodies), _waiting(moved[k + 1 :], motions, bodies))
+            chosen, *others = (chooser(name, motions[name], *around, table) for chooser in choosers)
+            said = {tool.name: other.reason for tool, other in zip(report, others, strict=True)}
+            choices[name] = chosen._replace(grippers=said)
+        logger.debug("contact of %s: %s", name, choices[name].reason or "found")
         if progress is not None:
             progress(name)
     return choices
 
 
+class _Chooser:
+    """Chooses contacts with one tool; identical parts share what was worked out for one of them."""
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        bodies: Mapping[str, Body],
+        tool: Tool,
+        config: ContactConfig,
+        rng: np.random.Generator,
+    ) -> None:
+        self._assembly, self._bodies, self._tool, self.config = assembly, bodies, tool, config
+        self._streams = dict(zip(assembly.names, rng.spawn(len(assembly)), strict=True))
+        self._twins = {name: group for group in assembly.identical for name in group}
+        self._jaws: dict[str, GraspCandidates[Gripper]] = {}
+        self._tips: dict[str, TipGrasps] = {}
+
+    def __call__(
+        self, name: str, motion: Motion, fixed: list[Obstacle], resting: list[Obstacle], table: Table | None
+    ) -> ContactChoice:
+        """Return the contact of one part among what is placed and what still rests."""
+        if isinstance(self._tool, FingertipTool):
+            grasps = self._tip_grasps(name)
+            options = {"body": self._bodies[name], "grasps": grasps, "config": self.config}
+            chosen = choose_tip_contact(motion, fixed, resting, table, **options)
+            return ContactChoice(chosen.contact, chosen.reason, carry=chosen.carry)
+        candidates = self._candidates(name, self._tool)
+        return choose_contact(
+            self._assembly.part(name),
+            motion,
+            fixed + resting,
+            table,
+            gripper=candidates.gripper,
+            config=self.config,
+            rng=self._streams[name],
+            body=self._bodies[name],
+            candidates=candidates,
+        )
+
+    def _twin(self, name: str, shared: Mapping[str, Any]) -> tuple[str, Float[np.ndarray, "4 4"]] | None:
+        for twin in self._twins.get(name, ()):
+            if twin in shared and (T := congruence(self._assembly.part(twin), self._assembly.part(name))) is not None:
+                return twin, T
+        return None
+
+    def _candidates(self, name: str, tool: Gripper | None) -> GraspCandidates[Gripper]:
+        if found := self._twin(name, self._jaws):
+            return self._jaws[found[0]].moved(found[1])
+        body = self._bodies[name]
+        jaw = tool or proportionate_gripper(body)
+        part, rng = self._assembly.part(name), self._streams[name]
+        self._jaws[name] = find_candidates(part, body, gripper=jaw, config=self.config, rng=rng, off_edges=True)
+        return self._jaws[name]
+
+    def _tip_grasps(self, name: str) -> TipGrasps:
+        body = self._bodies[name]
+        if found := self._twin(name, self._tips):
+            return self._tips[found[0]].moved(found[1], body)
+        part, rng = self._assembly.part(name), self._streams[name]
+        self._tips[name] = find_tip_grasps(part, body, config=self.config, rng=rng)
+        return self._tips[name]
+
+
 def _contact(
-    candidates: GraspCandidates,
+    candidates: GraspCandidates[Gripper],
     k: int,
     T_part_gripper: Float[np.ndarray, "4 4"],
     access: Access,
@@ -158,27 +217,16 @@ def _contact(
     )
 
 
-def _no_pair_reason(candidates: GraspCandidates) -> str:
+def _no_pair_reason(candidates: GraspCandidates[Gripper]) -> str:
     opening = f"{candidates.gripper.max_opening * 1e3:.3g} mm opening"
     if candidates.pairs.found == 0:
         return "no antipodal pair among the surface samples"
     return f"no antipodal pair within the {opening} (the narrowest spans {candidates.pairs.narrowest * 1e3:.3g} mm)"
 
 
-def _from_twin(
-    assembly: Assembly, part: Part, twins: Sequence[str], shared: Mapping[str, GraspCandidates]
-) -> GraspCandidates | None:
-    """Candidates of an identical part that has them already, moved to this part's frame."""
-    for twin in twins:
-        if twin in shared and (T := congruence(assembly.part(twin), part)) is not None:
-            return shared[twin].moved(T)
-    return None
+def _placed(assembly: Assembly, names: Sequence[str], bodies: Mapping[str, Body]) -> list[Obstacle]:
+    return [Obstacle(body=bodies[name], T_world_part=assembly.part(name).T_world_part) for name in names]
 
 
-def _obstacles(
-    assembly: Assembly, moved: Sequence[str], k: int, motions: Mapping[str, Motion], bodies: Mapping[str, Body]
-) -> list[Obstacle]:
-    """Parts placed before the k-th in their assembled, parts after it in their resting poses."""
-    placed = [Obstacle(body=bodies[name], T_world_part=assembly.part(name).T_world_part) for name in moved[:k]]
-    resting = [Obstacle(body=bodies[name], T_world_part=motions[name].T_world_part[0]) for name in moved[k + 1 :]]
-    return placed + resting
+def _waiting(names: Sequence[str], motions: Mapping[str, Motion], bodies: Mapping[str, Body]) -> list[Obstacle]:
+    return [Obstacle(body=bodies[name], T_world_part=motions[name].T_world_part[0]) for name in names]

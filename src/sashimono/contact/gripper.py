@@ -6,8 +6,11 @@ approach, from the palm to the part.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import fields as dataclass_fields
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -27,6 +30,7 @@ _LENGTHS = (
     "palm_width",
     "palm_depth",
     "palm_length",
+    "closing_advance",
 )
 
 
@@ -66,6 +70,13 @@ class Gripper:
     """Extent of the palm along y."""
     palm_length: float
     """Extent of the palm along z."""
+    closing_advance: float = 0.0
+    """How much farther the tips of a linkage reach closed than at the largest opening, linear in between: added to
+    ``finger_length``."""
+
+    def reach(self, opening: float) -> float:
+        """Return the way from the palm to the contact at an opening [m]."""
+        return self.finger_length + self.closing_advance * (1.0 - min(1.0, max(0.0, opening / self.max_opening)))
 
     def scaled(self, factor: float) -> Gripper:
         """Return the same gripper with every length multiplied by the factor."""
@@ -74,7 +85,7 @@ class Gripper:
     def closed(self, opening: float, *, inset: float) -> Boxes:
         """Return fingers and palm holding a part this wide; a finger begins ``inset`` behind its contact plane."""
         inner, outer = opening / 2.0 + inset, opening / 2.0 + self.finger_thickness
-        return self._mirrored([(inner, outer, self.finger_length)], reach_back=0.0)
+        return self._mirrored([(inner, outer)], self.reach(opening), reach_back=0.0)
 
     def release(self, opening: float, retreat: float, *, inset: float) -> Boxes:
         """Return all that fingers and palm sweep while they open and retreat by that length along -z [m].
@@ -85,25 +96,28 @@ class Gripper:
         half = opening / 2.0
         margin = self.margin(opening)
         outer = half + margin + self.finger_thickness
-        opening_sweep = (half + inset, outer, self.finger_length)
         inner = half + max(margin, inset)
-        return self._mirrored([opening_sweep, (inner, outer, self.finger_length + retreat)], reach_back=retreat)
+        # a linkage draws the tips back as it opens, so that its length at the contact bounds the sweep
+        return self._mirrored([(half + inset, outer), (inner, outer)], self.reach(opening), reach_back=retreat)
 
     def margin(self, opening: float) -> float:
         """Return how far each finger can open beyond this opening to let go [m]."""
         return max(0.0, min(self.open_margin, (self.max_opening - opening) / 2.0))
 
-    def _mirrored(self, fingers: list[tuple[float, float, float]], reach_back: float) -> Boxes:
-        """Finger boxes (inner x, outer x, length) on both sides, and the palm, last."""
+    def _mirrored(self, fingers: list[tuple[float, float]], length: float, *, reach_back: float) -> Boxes:
+        """Finger boxes (inner x, outer x) on both sides, the last of them drawn back, and the palm, last."""
         y = self.finger_width / 2.0
         low, high = [], []
-        for inner, outer, length in fingers:
-            low += [[inner, -y, -length], [-outer, -y, -length]]
+        for k, (inner, outer) in enumerate(fingers):
+            back = length + (reach_back if k == len(fingers) - 1 else 0.0)
+            low += [[inner, -y, -back], [-outer, -y, -back]]
             high += [[outer, y, self.tip_reach], [-inner, y, self.tip_reach]]
-        widest = max(outer for _, outer, _ in fingers)
+        widest = max(outer for _, outer in fingers)
         palm = max(self.palm_width / 2.0, widest)
-        low.append([-palm, -self.palm_depth / 2.0, -self.finger_length - self.palm_length - reach_back])
-        high.append([palm, self.palm_depth / 2.0, -self.finger_length])
+        # open, the palm is nearer by the advance of the linkage at most
+        near = length - (self.closing_advance if reach_back > 0.0 else 0.0)
+        low.append([-palm, -self.palm_depth / 2.0, -length - self.palm_length - reach_back])
+        high.append([palm, self.palm_depth / 2.0, -near])
         return Boxes(np.array(low), np.array(high))
 
 
@@ -127,7 +141,7 @@ PRESETS: dict[str, Gripper] = {
     gripper.name: gripper
     for gripper in (
         Gripper(
-            name="hand_e",
+            name="robotiq-hand-e",
             max_opening=0.050,
             finger_width=0.022,
             finger_thickness=0.010,
@@ -141,11 +155,12 @@ PRESETS: dict[str, Gripper] = {
             palm_length=0.099,
         ),
         Gripper(
-            name="2f_85",
+            name="robotiq-2f85",
             max_opening=0.085,
             finger_width=0.022,
             finger_thickness=0.014,
             finger_length=0.060,
+            closing_advance=0.0135,
             tip_reach=0.004,
             pad_thickness=0.0015,
             patch_radius=0.005,
@@ -155,7 +170,7 @@ PRESETS: dict[str, Gripper] = {
             palm_length=0.094,
         ),
         Gripper(
-            name="panda",
+            name="franka-hand",
             max_opening=0.080,
             finger_width=0.020,
             finger_thickness=0.015,
@@ -170,20 +185,56 @@ PRESETS: dict[str, Gripper] = {
         ),
     )
 }
-"""Grippers by name. Envelopes of real ones, rounded: good for access, not for a collision-free cell."""
+"""Real grippers by name: stroke and outer dimensions as their makers state them, to the millimetre, as boxes. Good for
+access, not for a collision-free cell: check them against the maker's drawing first."""
 
 
-def named_gripper(name: str) -> Gripper | None:
-    """Return the gripper with this name, or None for ``"auto"`` (proportionate to each part).
+@dataclass(frozen=True, kw_only=True)
+class FingertipTool:
+    """The paper's contacts: two balls in proportion to each part, and nothing behind them (`fingertips`)."""
 
-    Raises SashimonoError for any other name, listing those known.
+    name: str = "fingertips"
+
+
+FINGERTIPS = FingertipTool()
+
+Tool = Gripper | FingertipTool | None
+"""What may hold a part; None: generic jaws in proportion to each part."""
+
+
+def named_gripper(name: str | Gripper) -> Tool:
+    """Return the tool with this name: ``fingertips``, a preset, or None for ``auto`` (proportionate to each part).
+
+    A gripper is returned as it is. Raises SashimonoError for any other name, listing those known.
     """
+    if isinstance(name, Gripper):
+        return name
+    if name == FINGERTIPS.name:
+        return FINGERTIPS
     if name == "auto":
         return None
     if name not in PRESETS:
-        known = ", ".join(["auto", *sorted(PRESETS)])
-        raise SashimonoError(f"gripper {name!r} is not known. Choose one of: {known}.")
+        known = ", ".join([FINGERTIPS.name, "auto", *sorted(PRESETS)])
+        raise SashimonoError(f"gripper {name!r} is not known. Choose one of: {known}; or name a .json file.")
     return PRESETS[name]
+
+
+def gripper_from_fields(fields: Mapping[str, Any], where: str) -> Gripper:
+    """Return the gripper with these fields (those of `Gripper`, lengths in metres).
+
+    Raises SashimonoError, naming ``where`` they come from, for a field that is missing, unknown or not a length.
+    """
+    known = {field.name for field in dataclass_fields(Gripper)}
+    optional = {"closing_advance"}
+    if wrong := sorted(set(fields) - known) + sorted(known - optional - set(fields)):
+        raise SashimonoError(
+            f"{where}: {wrong[0]} is missing, or no field of a gripper. It has: {', '.join(sorted(known))}."
+        )
+    for name, value in fields.items():
+        real = isinstance(value, int | float) and not isinstance(value, bool)
+        if name != "name" and not (real and math.isfinite(value) and value >= 0.0):
+            raise SashimonoError(f"{where}: {name} is {value!r}, not a length in metres.")
+    return Gripper(**fields)
 
 
 def proportionate_gripper(body: Body, *, room: float = 1.25, thin: float = 0.2) -> Gripper:

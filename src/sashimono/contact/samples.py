@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from sashimono.contact.config import ContactConfig
+from sashimono.contact.wrenches import unit_across
 from sashimono.geometry.body import Body
 from sashimono.geometry.directions import inertia_directions, part_directions
 from sashimono.geometry.mesh import sample_surface, triangle_cross
 from sashimono.geometry.rays import cast_rays
 
+_SAME_NORMAL = np.cos(np.radians(5.0))
+_AROUND = 0.01
 _SAME_DIRECTION = np.cos(np.radians(1.0))
 
 
@@ -81,6 +84,21 @@ def sample_contacts(
         np.concatenate([*(points for points, _, _ in drawn), more_points]),
         np.concatenate([*(-outward for _, outward, _ in drawn), more_normals]),
     )
+
+
+def steady(body: Body, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    """Return at which points the stated inward normal is the surface's all around the point, within 5°.
+
+    False at edges and corners, where a finger has no face to rest on and "the" normal is a matter of rounding. Looked
+    at are the point and four around it, a hundredth of the part's smallest extent away.
+    """
+    step = _AROUND * body.smallest_extent
+    u = unit_across(normals)
+    v = np.cross(normals, u)
+    around = np.concatenate([points, points + step * u, points - step * u, points + step * v, points - step * v])
+    distances, outward = body.signed_distance.normals(around, 10.0 * step)
+    agree = -(outward * np.tile(normals, (5, 1))).sum(axis=1) >= _SAME_NORMAL
+    return (agree & (np.abs(distances) < 0.1 * step)).reshape(5, len(points)).all(axis=0)
 
 
 def _center_line_hits(

@@ -144,6 +144,10 @@ def _step_document(step: Step) -> dict[str, Any]:
         "contact_reason": step.contact_reason,
         "evidence": step.motion.evidence,
     }
+    if step.carry is not None:
+        out["carry"] = _contact_document(step.carry)
+    if step.grippers:
+        out["grippers"] = {name: {"can": said is None, "reason": said} for name, said in step.grippers.items()}
     if step.declared is not None:
         out["declared"] = _declared_document(step.declared)
     if step.moving:
@@ -282,6 +286,8 @@ def _step(step: Mapping[str, Any]) -> Step:
         ),
         contact=None if contact is None else _contact(contact),
         contact_reason=step.get("contact_reason"),
+        carry=None if step.get("carry") is None else _contact(step["carry"]),
+        grippers={name: said["reason"] for name, said in step.get("grippers", {}).items()},
         moving=tuple(step.get("moving", ())),
         subassembly=_subassembly(step["subassembly"]) if step.get("subassembly") is not None else None,
         declared=_declared(step.get("declared")),

@@ -32,8 +32,16 @@ class VerifyConfig:
     """Height up to which a vertex counts as standing on the table, over the part's smallest extent."""
     contact_tolerance: float = 1e-4
     """Distance of a contact point from the surface, over the part's size."""
-    normal_tolerance: float = 0.2
-    """Angle between a stated contact normal and the surface's [rad]."""
+    normal_tolerance: float = 0.0873
+    """Angle between a stated contact normal and the surface's [rad]: 5°."""
+    tip_tolerance: float = 0.1
+    """How far a fingertip may reach into anything, over its radius: its skin is soft."""
+    max_tip_steps: int = 20_000
+    """Distance steps allowed along one stretch of a fingertip's way; one that needs more is refused."""
+    support_tolerance: float = 0.021
+    """Gap up to which a placed part counts as supporting a pushed one, over the pushed part's smallest extent."""
+    balance_tolerance: float = 1e-6
+    """What a push may leave unbalanced, over the wrench it must add up to."""
     cone_tolerance: float = 1e-3
     """Angle by which a grasp line may leave a friction cone [rad], for rounding."""
     cone_edges: int = 8

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -16,7 +16,9 @@ from sashimono.geometry import se3
 from sashimono.plan import Contact, Motion, Step
 from sashimono.verify.body import Body
 from sashimono.verify.config import VerifyConfig
+from sashimono.verify.fingertips import span_of, tip_problems
 from sashimono.verify.pairs import pair_tolerance
+from sashimono.verify.push import push_problems
 from sashimono.verify.sweep import HalfSpace, Screws, sweep
 
 _GRIPPER_LENGTHS = ("finger_width", "finger_thickness", "finger_length", "max_opening")
@@ -31,6 +33,10 @@ class Surroundings:
     bodies: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]]
     table: HalfSpace | None
 
+    def fixed(self, names: Collection[str]) -> dict[str, tuple[Body, Float[np.ndarray, "4 4"]]]:
+        """Return the placed parts among them."""
+        return {name: entry for name, entry in self.bodies.items() if name in names}
+
 
 def contact_problems(
     step: Step,
@@ -42,17 +48,47 @@ def contact_problems(
 
     ``around``: everything past which the gripper goes, from pick-up to release.
     """
-    contact = step.contact
+    problems, notes = _one_contact(step, step.contact, body, around, config)
+    if step.carry is not None and not problems:
+        problems, more = _one_contact(step, step.carry, body, around, config)
+        problems = [f"on the way there: {problem}" for problem in problems] or _handover_problems(step)
+        notes += more
+    elif not problems and step.contact is not None and span_of(step.contact, step.motion)[0] > 0.0:
+        notes.append("no grasp brings the part to where its contact begins")
+    return problems, notes
+
+
+def _handover_problems(step: Step) -> list[str]:
+    """Does the grasp that carries the part begin with the path and last until the other contact takes over?"""
+    assert step.carry is not None
+    assert step.contact is not None
+    (first, until), (since, last) = span_of(step.carry, step.motion), span_of(step.contact, step.motion)
+    if first != 0.0 or until < since or last < len(step.motion.T_world_part) - 1:
+        return ["the grasp that carries the part and its contact do not cover the path together"]
+    return []
+
+
+def _one_contact(
+    step: Step, contact: Contact | None, body: Body, around: Surroundings, config: VerifyConfig
+) -> tuple[list[str], list[str]]:
     assert contact is not None
     if problem := _form_problem(contact):
         return [problem], []
     problems = _surface_problems(contact, body, config)
-    if problems or contact.kind == "push":
-        return problems + _force_problems(contact, config), []
-    problems += _antipodal_problems(contact, config)
-    if not problems and not force_closure(contact, body, config):
-        problems.append("grasp: the contacts cannot balance every wrench (no force closure)")
+    if problems:
+        return problems, []
     notes: list[str] = []
+    if contact.kind == "push":
+        problems += _force_problems(contact, config)
+        problems += push_problems(contact, step.motion, body, around.fixed(step.fixed), around.table, config)
+    else:
+        problems += _antipodal_problems(contact, config)
+        if not problems and not force_closure(contact, body, config):
+            problems.append("grasp: the contacts cannot balance every wrench (no force closure)")
+    if "fingertips" in contact.details:
+        return problems or tip_problems(contact, step.motion, body, around.bodies, around.table, config), notes
+    if contact.kind == "push":
+        return problems, ["push: no fingertip stated, so its way was not checked"]
     gripper = contact.details.get("gripper")
     if contact.T_part_gripper is None or not isinstance(gripper, Mapping):
         notes.append("grasp: no gripper stated, so the fingers were not checked")
@@ -142,6 +178,7 @@ def force_closure(contact: Contact, body: Body, config: VerifyConfig) -> bool:
     """
     radius = 0.5 * body.size
     gripper = contact.details.get("gripper")
+    gripper = contact.details.get("fingertips", gripper)
     patch: Any = gripper.get("patch_radius") if isinstance(gripper, Mapping) else None
     torsion = 2.0 / 3.0 * float(patch) / radius if _is_length(patch) else config.torsion_radius
     friction = _tangential(contact)
@@ -230,6 +267,8 @@ def _first_hit(boxes: list[Body], path: Screws, around: Surroundings, config: Ve
 def _gripper_boxes(gripper: Mapping[str, Any], opening: float, config: VerifyConfig) -> list[Body]:
     """The fingers, this far apart, and the palm."""
     half, y, length = 0.5 * opening, 0.5 * gripper["finger_width"], gripper["finger_length"]
+    if _is_length(advance := gripper.get("closing_advance")):
+        length += advance * (1.0 - min(1.0, opening / gripper["max_opening"]))
     outer, tip = half + gripper["finger_thickness"], float(gripper.get("tip_reach", 0.0))
     boxes = [
         _box("first finger", [-outer, -y, -length], [-half, y, tip], config),
