@@ -279,7 +279,8 @@ def test_level_three_of_a_small_assembly():
         progress=seen.append,
     )
     assert seen == ["base", "peg", "lid"]
-    assert choices["base"] == (None, "base part: starts in place")
+    assert choices["base"].contact is None
+    assert choices["base"].reason == "base part: starts in place"
     for name in ("peg", "lid"):
         check_contact(assembly.part(name), choices[name].contact)
         assert choices[name].contact.details["gripper"]["name"] == "auto"
@@ -287,7 +288,8 @@ def test_level_three_of_a_small_assembly():
         assembly, ("base", "peg", "lid"), {k: motions[k] for k in ("base", "lid")}, None,
         gripper=None, config=CONFIG, rng=np.random.default_rng(0),
     )  # fmt: skip
-    assert without["peg"] == (None, "no motion along which to hold the part")
+    assert without["peg"].contact is None
+    assert without["peg"].reason == "no motion along which to hold the part"
 
 
 def test_gripper_names():

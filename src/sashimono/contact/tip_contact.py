@@ -78,7 +78,8 @@ class TipGrasps:
                 self.tips(scale),
                 self._config.tip_slack,
             )
-            self._itself[scale] = flags.reshape(-1, 2).all(axis=1)
+            first, second = flags.reshape(-1, 2).T
+            self._itself[scale] = first & second
         return self._itself[scale]
 
     def moved(self, T: Float[np.ndarray, "4 4"], body: Body) -> TipGrasps:

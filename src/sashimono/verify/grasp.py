@@ -267,8 +267,8 @@ def _first_hit(boxes: list[Body], path: Screws, around: Surroundings, config: Ve
 def _gripper_boxes(gripper: Mapping[str, Any], opening: float, config: VerifyConfig) -> list[Body]:
     """The fingers, this far apart, and the palm."""
     half, y, length = 0.5 * opening, 0.5 * gripper["finger_width"], gripper["finger_length"]
-    if _is_length(advance := gripper.get("closing_advance")):
-        length += advance * (1.0 - min(1.0, opening / gripper["max_opening"]))
+    if _is_length(gripper.get("closing_advance")):
+        length += gripper["closing_advance"] * (1.0 - min(1.0, opening / gripper["max_opening"]))
     outer, tip = half + gripper["finger_thickness"], float(gripper.get("tip_reach", 0.0))
     boxes = [
         _box("first finger", [-outer, -y, -length], [-half, y, tip], config),
