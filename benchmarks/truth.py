@@ -28,7 +28,7 @@ from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.masks import bits
-from sashimono.geometry.directions import sphere_directions
+from sashimono.geometry.features.directions import sphere_directions
 from sashimono.io.read import read_assembly
 
 

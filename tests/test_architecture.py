@@ -42,6 +42,8 @@ LEVELS = [
 """Lowest first; a unit is a module or package right below `sashimono`."""
 
 ROOMS = {
+    "geometry": [{"se3"}, {"mesh"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
+    "io": [{"raw", "names"}, {"mending"}, {"formats"}, {"plan_schema"}, {"checks", "plan_json"}, {"read"}],
     "disassembly": [
         {"masks", "removal", "refusal"},
         {"separation"},
@@ -53,7 +55,7 @@ ROOMS = {
         {"cascade"},
         {"sequence"},
         {"explanation"},
-    ]
+    ],
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 

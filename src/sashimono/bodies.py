@@ -9,7 +9,7 @@ import numpy as np
 from sashimono.assembly import Assembly, Part
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body, SampleConfig
-from sashimono.geometry.solid import unite
+from sashimono.geometry.mesh.solid import unite
 
 
 def make_body(

@@ -22,7 +22,7 @@ from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_dis
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
 from sashimono.geometry.body import SampleConfig
-from sashimono.geometry.mesh import smallest_extent
+from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
 from sashimono.plan import Answer, AssemblyPlan, Motion, Step, Table, Unsolved, placed_parts
 from sashimono.tree import Progress, TreePlanner

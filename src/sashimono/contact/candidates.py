@@ -15,8 +15,9 @@ from sashimono.contact.ferrari_canny import ferrari_canny, quality_bound
 from sashimono.contact.gripper import Gripper
 from sashimono.contact.samples import main_lines, sample_contacts, steady
 from sashimono.contact.wrenches import contact_wrenches, torsional_friction
-from sashimono.geometry import mesh, se3
+from sashimono.geometry import se3
 from sashimono.geometry.body import Body
+from sashimono.geometry.mesh import measures
 
 
 @runtime_checkable
@@ -138,7 +139,7 @@ def find_candidates(
     ``off_edges`` leaves out those with a contact at an edge, where the normal is a matter of rounding.
     """
     center = body.mass_center
-    radius = mesh.radius(part.vertices_part, center)
+    radius = measures.radius(part.vertices_part, center)
     lines = main_lines(part.vertices_part, part.faces, config)
     samples = sample_contacts(part.vertices_part, part.faces, body, lines, center=center, config=config, rng=rng)
     pairs = antipodal_pairs(samples, body, max_opening=gripper.max_opening, center=center, radius=radius, config=config)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from sashimono.contact.gripper import Boxes
 from sashimono.geometry.body import Body
-from sashimono.geometry.collision import FCL_UNITS
+from sashimono.geometry.distance.collision import FCL_UNITS
 from sashimono.plan import Table
 
 TABLE = "the table"

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from sashimono.geometry.directions import DirectionConfig
+from sashimono.geometry.features.directions import DirectionConfig
 
 
 @dataclass(frozen=True, kw_only=True)

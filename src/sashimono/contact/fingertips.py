@@ -20,7 +20,7 @@ from sashimono.contact.config import ContactConfig
 from sashimono.contact.poses import exp_many
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
-from sashimono.geometry.signed_distance import nearest
+from sashimono.geometry.distance.signed_distance import nearest
 from sashimono.plan import Motion, Table
 
 

@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float, Int
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.wrenches import unit_across
 from sashimono.geometry.body import Body
-from sashimono.geometry.directions import inertia_directions, part_directions
-from sashimono.geometry.mesh import sample_surface, triangle_cross
-from sashimono.geometry.rays import cast_rays
+from sashimono.geometry.distance.rays import cast_rays
+from sashimono.geometry.features.directions import inertia_directions, part_directions
+from sashimono.geometry.mesh.measures import sample_surface, triangle_cross
 
 _SAME_NORMAL = np.cos(np.radians(5.0))
 _AROUND = 0.01

@@ -18,8 +18,8 @@ from sashimono.contact.config import ContactConfig
 from sashimono.contact.fingertips import Fingertips, Passage, clear_of_itself, fingertips_for
 from sashimono.contact.push import find_supports, scaled, wanted_wrench
 from sashimono.contact.samples import main_lines, sample_contacts, steady
-from sashimono.geometry import mesh
 from sashimono.geometry.body import Body
+from sashimono.geometry.mesh import measures
 from sashimono.plan import Contact, Motion, Table
 
 _CHUNK = 48
@@ -101,7 +101,7 @@ class TipGrasps:
 def find_tip_grasps(part: Part, body: Body, *, config: ContactConfig, rng: np.random.Generator) -> TipGrasps:
     """Return the distinct antipodal grasps of a part, contacts near an edge left out."""
     center = body.mass_center
-    radius = mesh.radius(part.vertices_part, center)
+    radius = measures.radius(part.vertices_part, center)
     lines = main_lines(part.vertices_part, part.faces, config)
     sampling = replace(config, samples=config.tip_samples)
     samples = sample_contacts(part.vertices_part, part.faces, body, lines, center=center, config=sampling, rng=rng)

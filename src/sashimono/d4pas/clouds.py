@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly
-from sashimono.geometry import mesh
+from sashimono.geometry.mesh import measures
 
 BLUEPRINT_POINTS = 1024
 """Points of a blueprint's cloud in the paper."""
@@ -39,7 +39,7 @@ def blueprint_cloud(
             is spread by area. 0: all by area, as in the paper.
     """
     rng = np.random.default_rng([seed, 1])
-    areas = np.array([mesh.area(part.vertices_world, part.faces) for part in assembly.parts])
+    areas = np.array([measures.area(part.vertices_world, part.faces) for part in assembly.parts])
     shares = share_points(areas, count, quota=quota, rng=rng)
     clouds = [
         _cloud(part.vertices_world, part.faces, int(n), child)
@@ -73,6 +73,6 @@ def normalised(cloud: Float[np.ndarray, "*batch 6"], center: Sequence[float] | n
 
 
 def _cloud(vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    points, normals, _ = mesh.sample_surface(vertices, faces, count, rng)
+    points, normals, _ = measures.sample_surface(vertices, faces, count, rng)
     # sampled triangle by triangle: shuffled, any first points of a cloud are a cloud
     return np.concatenate([points, normals], axis=1)[rng.permutation(count)]

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from sashimono.assembly import Assembly
 from sashimono.d4pas.clouds import blueprint_cloud
-from sashimono.geometry import mesh
+from sashimono.geometry.mesh import measures
 
 LARGEST = 8
 """Parts, the largest, whose sizes and places count one by one."""
@@ -28,7 +28,7 @@ def describe(assembly: Assembly) -> Float[np.ndarray, "number"]:
     of mass from the whole's; a histogram of distances between surface points (D2, Osada et al., 2002). Lengths are
     over the root mean square radius of the surface.
     """
-    masses = [mesh.mass_properties(part.vertices_world, part.faces) for part in assembly.parts]
+    masses = [measures.mass_properties(part.vertices_world, part.faces) for part in assembly.parts]
     roots = np.cbrt([mass.volume for mass in masses])
     middle = np.average([mass.center for mass in masses], axis=0, weights=[mass.volume for mass in masses])
     arms = np.array([np.linalg.norm(mass.center - middle) for mass in masses])

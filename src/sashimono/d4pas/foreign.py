@@ -16,10 +16,10 @@ from sashimono.assembly import Assembly
 from sashimono.d4pas.recipe import Recipe
 from sashimono.d4pas.rows import Outcome, RowConfig, rows_of
 from sashimono.errors import InputError
-from sashimono.io.folders import natural_key
-from sashimono.io.fusion360 import ASSEMBLY_FILE
-from sashimono.io.fusion360 import UNIT as GALLERY_UNIT
-from sashimono.io.meshes import SUFFIXES
+from sashimono.io.formats.folders import natural_key
+from sashimono.io.formats.fusion360 import ASSEMBLY_FILE
+from sashimono.io.formats.fusion360 import UNIT as GALLERY_UNIT
+from sashimono.io.formats.meshes import SUFFIXES
 from sashimono.io.raw import METRES
 from sashimono.io.read import SCENE_SUFFIXES, read_assembly
 

@@ -15,8 +15,8 @@ from sashimono.d4pas import kit
 from sashimono.d4pas.families import families
 from sashimono.d4pas.product import Product
 from sashimono.errors import InputError
-from sashimono.geometry import topology
-from sashimono.geometry.shapes import identical_shapes
+from sashimono.geometry.mesh import topology
+from sashimono.geometry.mesh.shapes import identical_shapes
 
 GRID = 1e-9
 """Vertices lie on a grid of this width [m]: the last bits of sines and cosines differ between machines."""

@@ -12,7 +12,7 @@ from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.body import mutual_depth
-from sashimono.geometry.screw import Screw, adjoint, between, march_screw
+from sashimono.geometry.distance.screw import Screw, adjoint, between, march_screw
 
 _STRIDES = (16, 1)
 """Some probes are followed first, as most legs that are blocked are blocked for these; all have the last word."""

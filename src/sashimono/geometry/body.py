@@ -10,12 +10,13 @@ from jaxtyping import Float, Int
 from manifold3d import Error, Manifold
 from scipy.spatial import ConvexHull, QhullError
 
-from sashimono.geometry import mesh, se3
-from sashimono.geometry.collision import Collider
-from sashimono.geometry.extents import principal_extents
-from sashimono.geometry.rays import cast_rays
-from sashimono.geometry.signed_distance import SignedDistance
-from sashimono.geometry.solid import to_manifold
+from sashimono.geometry import se3
+from sashimono.geometry.distance.collision import Collider
+from sashimono.geometry.distance.rays import cast_rays
+from sashimono.geometry.distance.signed_distance import SignedDistance
+from sashimono.geometry.mesh import measures
+from sashimono.geometry.mesh.extents import principal_extents
+from sashimono.geometry.mesh.solid import to_manifold
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,13 +51,13 @@ class Body:
         self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])
         self.center = self.bounds.mean(axis=0)
         """Centre of the bounding box, about which rotation is measured [m]."""
-        self.radius = mesh.radius(vertices, self.center)
+        self.radius = measures.radius(vertices, self.center)
         """Distance of the farthest point from `center` [m]."""
-        self.mass_properties = mesh.mass_properties(vertices, faces)
+        self.mass_properties = measures.mass_properties(vertices, faces)
         mass = self.mass_properties
         self.extents = np.sort(principal_extents(vertices, mass.moments, mass.axes))
         """Extents along the inertia axes [m], ascending; of the smallest box where these are not determined."""
-        self.samples, self.sample_normals, _ = mesh.sample_surface(vertices, faces, config.area_samples, rng)
+        self.samples, self.sample_normals, _ = measures.sample_surface(vertices, faces, config.area_samples, rng)
         corners = vertices
         if len(corners) > config.max_vertices:
             corners = vertices[np.sort(rng.choice(len(vertices), config.max_vertices, replace=False))]

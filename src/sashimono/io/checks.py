@@ -7,9 +7,9 @@ from manifold3d import Manifold
 
 from sashimono.assembly import Overlap, Part
 from sashimono.errors import InputError
-from sashimono.geometry.solid import to_manifold
-from sashimono.io.folds import count_folded
-from sashimono.io.mend import Surface, close_surface
+from sashimono.geometry.mesh.solid import to_manifold
+from sashimono.io.mending.folds import count_folded
+from sashimono.io.mending.mend import Surface, close_surface
 from sashimono.io.raw import RawPart, ReadConfig
 
 

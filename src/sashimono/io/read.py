@@ -11,16 +11,17 @@ import numpy as np
 
 from sashimono.assembly import Assembly, Source
 from sashimono.errors import InputError
-from sashimono.geometry import topology
-from sashimono.geometry.shapes import identical_shapes
-from sashimono.io import meshes
+from sashimono.geometry.mesh import topology
+from sashimono.geometry.mesh.shapes import identical_shapes
 from sashimono.io.checks import close_parts, find_overlaps, size_note
-from sashimono.io.folders import read_folder
-from sashimono.io.fusion360 import ASSEMBLY_FILE, read_fusion360
+from sashimono.io.formats import meshes
+from sashimono.io.formats.folders import read_folder
+from sashimono.io.formats.fusion360 import ASSEMBLY_FILE, read_fusion360
+from sashimono.io.formats.scenes import read_3mf_scene, read_gltf_scene
+from sashimono.io.formats.step import read_step
+from sashimono.io.mending.split import split_parts
+from sashimono.io.names import unique_names
 from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig
-from sashimono.io.scenes import read_3mf_scene, read_gltf_scene, unique_names
-from sashimono.io.split import split_parts
-from sashimono.io.step import read_step
 
 SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
 """Files that hold a whole assembly."""

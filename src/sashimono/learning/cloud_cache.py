@@ -28,7 +28,7 @@ from sashimono.assembly import Assembly
 from sashimono.d4pas.clouds import blueprint_cloud, normalised, part_clouds, unit_frame
 from sashimono.d4pas.states import Masks, all_states, can_leave, right_next
 from sashimono.errors import InputError
-from sashimono.geometry import mesh
+from sashimono.geometry.mesh import measures
 
 if TYPE_CHECKING:
     from sashimono.learning.batch import DeviceClouds
@@ -370,8 +370,8 @@ def sample_blueprint(blueprint: LabelledBlueprint, config: CloudConfig) -> dict[
     meshes = [(part.vertices_world, part.faces) for part in assembly.parts]
     return {
         "part_points": normalised(clouds, center.tolist(), scale).astype(np.float16),
-        "part_area": np.array([mesh.area(*each) for each in meshes]) / scale**2,
-        "part_volume": np.array([mesh.volume(*each) for each in meshes]) / scale**3,
+        "part_area": np.array([measures.area(*each) for each in meshes]) / scale**2,
+        "part_volume": np.array([measures.volume(*each) for each in meshes]) / scale**3,
         "part_class": shape_classes(len(assembly), blueprint.identical),
         "blueprint_points": normalised(whole, center.tolist(), scale).astype(np.float16),
         "blueprint_part": owner.astype(np.uint8),

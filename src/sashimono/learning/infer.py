@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float
 from sashimono.assembly import Assembly
 from sashimono.d4pas.clouds import normalised, part_clouds, unit_frame
 from sashimono.errors import InputError
-from sashimono.io.ply import parse_points
+from sashimono.io.formats.ply import parse_points
 from sashimono.learning.relations import VERSION, RelationConfig, find_relations
 
 DEFAULT = "past-posed"

@@ -12,7 +12,7 @@ import numpy as np
 from sashimono.assembly import Assembly
 from sashimono.disassembly.explanation.explain import BlockedDirection, Blocker, Explanation
 from sashimono.disassembly.explanation.report import change_words, explanation_lines
-from sashimono.geometry.directions import direction_name
+from sashimono.geometry.features.directions import direction_name
 from sashimono.view.appearance import BASE_COLOR
 from sashimono.view.config import ViewConfig
 from sashimono.view.files import write_whole

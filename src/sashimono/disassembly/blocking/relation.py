@@ -19,7 +19,8 @@ from sashimono.disassembly.blocking.parting import parting_travel
 from sashimono.disassembly.masks import bits
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body, mutual_depth
-from sashimono.geometry.directions import (
+from sashimono.geometry.distance.march import march
+from sashimono.geometry.features.directions import (
     DirectionConfig,
     frame_along,
     inertia_directions,
@@ -27,7 +28,6 @@ from sashimono.geometry.directions import (
     part_directions,
     perpendicular_directions,
 )
-from sashimono.geometry.march import march
 from sashimono.geometry.overlap import intersection_depth
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.geometry.tube import SharedBody, Tube, TubeConfig, fit_tube, shared_body
+from sashimono.geometry.features.tube import SharedBody, Tube, TubeConfig, fit_tube, shared_body
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from numba import njit
 from scipy import ndimage
 
 from sashimono.assembly import frozen_array
-from sashimono.geometry.directions import frame_along
+from sashimono.geometry.features.directions import frame_along
 
 
 @dataclass(frozen=True, kw_only=True)

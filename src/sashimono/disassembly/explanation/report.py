@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sashimono.disassembly.explanation.explain import BlockedDirection, Blocker, Explanation
-from sashimono.geometry.directions import direction_name
+from sashimono.geometry.features.directions import direction_name
 
 _MOST_SETS = 4
 """Sets of parts to remove first that are put into words; JSON has all."""

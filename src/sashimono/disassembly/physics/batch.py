@@ -21,7 +21,7 @@ from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.physics.push import SimulateConfig, Simulated
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
-from sashimono.geometry.screw import between
+from sashimono.geometry.distance.screw import between
 
 if TYPE_CHECKING:
     import warp as wp

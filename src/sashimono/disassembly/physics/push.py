@@ -19,7 +19,7 @@ from sashimono.disassembly.physics.screw_estimate import ScrewEstimate
 from sashimono.disassembly.physics.slippage import SlippageConfig, find_contacts, snapped, spatial_twist
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
-from sashimono.geometry.screw import between
+from sashimono.geometry.distance.screw import between
 
 
 @dataclass(frozen=True, kw_only=True)

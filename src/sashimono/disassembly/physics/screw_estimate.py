@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from sashimono.disassembly.paths import Paths
 from sashimono.geometry import se3
-from sashimono.geometry.screw import between
+from sashimono.geometry.distance.screw import between
 
 
 class ScrewEstimate:

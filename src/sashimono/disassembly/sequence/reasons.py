@@ -15,8 +15,8 @@ from jaxtyping import Float
 from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.separation import Separation
-from sashimono.geometry import topology
-from sashimono.geometry.directions import direction_name
+from sashimono.geometry.features.directions import direction_name
+from sashimono.geometry.mesh import topology
 
 
 @dataclass(frozen=True, kw_only=True)

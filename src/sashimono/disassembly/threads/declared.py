@@ -20,7 +20,7 @@ from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import DeclaredThread
 from sashimono.disassembly.threads.surface import Threads
 from sashimono.geometry import se3
-from sashimono.geometry.tube import Tube
+from sashimono.geometry.features.tube import Tube
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.body import mutual_depth
-from sashimono.geometry.helix import Helix, HelixConfig, fit_helix
+from sashimono.geometry.features.helix import Helix, HelixConfig, fit_helix
 
 
 @dataclass(frozen=True, kw_only=True)

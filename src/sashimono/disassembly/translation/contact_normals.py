@@ -15,7 +15,7 @@ from jaxtyping import Float
 from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
 from sashimono.geometry import se3
-from sashimono.geometry.directions import sphere_directions
+from sashimono.geometry.features.directions import sphere_directions
 
 
 class ContactNormals:

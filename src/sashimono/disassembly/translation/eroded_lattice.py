@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numba import njit
 
-from sashimono.geometry.signed_distance import closest_on_triangle
+from sashimono.geometry.distance.signed_distance import closest_on_triangle
 
 
 def eroded_lattice(

@@ -25,7 +25,7 @@ from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.physics.search import PhysicsConfig
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.errors import InputError
-from sashimono.geometry.directions import DirectionConfig
+from sashimono.geometry.features.directions import DirectionConfig
 from sashimono.learning.cloud_cache import Dataset
 from sashimono.learning.evaluate import probabilities_of_orders
 

@@ -1,0 +1,1 @@
+"""Distances and collision between bodies, at rest and along a motion."""

@@ -1,0 +1,1 @@
+"""Features of CAD parts: directions, axes, threads."""

@@ -1,0 +1,1 @@
+"""Triangle meshes: measures, topology, boxes, cuts, booleans, equal shapes."""

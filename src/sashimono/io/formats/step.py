@@ -1,0 +1,134 @@
+"""Reading a STEP file (ISO 10303-21) through OpenCASCADE's converter to glTF."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from sashimono.errors import InputError
+from sashimono.io.formats.gltf import Leaf, read_gltf
+from sashimono.io.formats.scenes import number_shapes, place
+from sashimono.io.mending.mend import closes
+from sashimono.io.names import choose_name
+from sashimono.io.raw import RawAssembly, ReadConfig
+
+_log = logging.getLogger(__name__)
+
+_PREFIXES = {b"": "m", b"MILLI": "mm", b"CENTI": "cm", b"DECI": "dm", b"MICRO": "um"}
+_CONVERTED = {b"INCH": "in", b"IN": "in", b"FOOT": "ft", b"FEET": "ft", b"FT": "ft"}
+
+
+def read_step(path: Path, data: bytes, config: ReadConfig) -> RawAssembly:
+    """Return the parts of a STEP file: one for each leaf of the product tree, named by its product.
+
+    Raises InputError if the file is no STEP file, is broken, or holds no surfaces.
+    """
+    if b"ISO-10303-21" not in data[:4096]:
+        raise InputError(f"{path}: not a STEP file (no ISO-10303-21 header); export it as STEP AP214 or AP242")
+    glb, said = _convert(data, config, 1.0)
+    if not glb:
+        raise InputError(f"{path}: the STEP file is broken or cut short ({_reason(said)}); export it again")
+    leaves, _ = read_gltf(glb, None, str(path))
+    leaves, retried = _retry_open(leaves, data, path, config)
+    shapes = number_shapes([leaf.shape for leaf in leaves])
+    parts = [
+        place(
+            name=choose_name((leaf.mesh, leaf.node, *leaf.ancestors)), where=str(path), T=leaf.T_world_node,
+            vertices=leaf.vertices, faces=leaf.faces, color=leaf.color, shape=shape,
+        )
+        for leaf, shape in zip(leaves, shapes, strict=True)
+    ]  # fmt: skip
+    skipped = list(dict.fromkeys(re.findall(r"skipped node '(.*?)' without geometry data", said)))
+    notes = [f"{name}: no surface in the file; left out" for name in skipped]
+    notes += [f"{parts[k].name}: tessellated {factor:g} times as coarse, to close it" for k, factor in retried.items()]
+    return RawAssembly(
+        parts=tuple(parts), unit=_unit(data), files={path.name: data}, split_single=True,
+        notes=tuple(dict.fromkeys(notes)),
+    )  # fmt: skip
+
+
+def _retry_open(leaves: list[Leaf], data: bytes, path: Path, config: ReadConfig) -> tuple[list[Leaf], dict[int, float]]:
+    """Return the leaves with open ones tessellated anew, and by which factor, by index.
+
+    The converter leaves out a face that it fails to mesh; at another resolution it often succeeds.
+    """
+    known: dict[tuple, bool] = {}
+    for leaf in leaves:
+        if leaf.shape not in known:
+            known[leaf.shape] = closes(leaf.vertices, leaf.faces, config)
+    still_open = [k for k, leaf in enumerate(leaves) if not known[leaf.shape]]
+    leaves, retried = list(leaves), {}
+    for factor in config.step_retries if still_open else ():
+        glb, _ = _convert(data, config, factor)
+        again, _ = read_gltf(glb, None, str(path)) if glb else ([], {})
+        if [leaf.mesh for leaf in again] != [leaf.mesh for leaf in leaves]:
+            continue
+        for k in still_open.copy():
+            if closes(again[k].vertices, again[k].faces, config):
+                leaves[k] = replace(again[k], shape=(factor, *again[k].shape))
+                retried[k] = factor
+                still_open.remove(k)
+        if not still_open:
+            break
+    return leaves, retried
+
+
+def _convert(data: bytes, config: ReadConfig, factor: float) -> tuple[bytes, str]:
+    """Return the file as GLB (empty if it cannot be read) and what the converter printed."""
+    import cascadio
+
+    with _captured_output() as printed:
+        glb = cascadio.load(
+            data,
+            tol_linear=config.step_linear * factor,
+            tol_angular=config.step_angular * factor,
+            tol_relative=True,
+            merge_primitives=True,
+            use_parallel=False,
+        )
+    said = printed()
+    if said:
+        _log.debug("OpenCASCADE: %s", said)
+    return glb, said
+
+
+@contextlib.contextmanager
+def _captured_output() -> Iterator[Callable[[], str]]:
+    """Keep what C++ code prints off the terminal; the value is a function that returns it afterwards."""
+    text: list[str] = []
+    with contextlib.ExitStack() as stack:
+        sink = stack.enter_context(tempfile.TemporaryFile())
+        for stream, descriptor in ((sys.stdout, 1), (sys.stderr, 2)):
+            with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or not there at all
+                stream.flush()
+            with contextlib.suppress(OSError):
+                saved = os.dup(descriptor)
+                stack.callback(os.close, saved)
+                os.dup2(sink.fileno(), descriptor)
+                stack.callback(os.dup2, saved, descriptor)
+        yield lambda: "".join(text)
+        sink.seek(0)
+        text.append(re.sub(r"\x1b\[[\d;]*m", "", sink.read().decode("utf-8", "replace")).strip())
+
+
+def _reason(said: str) -> str:
+    """Return the converter's first complaint as one line."""
+    lines = [line.strip(" *") for line in said.splitlines() if "ERR" in line or line.startswith("Error")]
+    return (lines or ["no reason given"])[0]
+
+
+def _unit(data: bytes) -> str:
+    """Return the name of the file's length unit; "mm" if it names none, as OpenCASCADE assumes."""
+    for record in re.findall(rb"=\s*\(([^;]*LENGTH_UNIT[^;]*)\)\s*;", data):
+        converted = re.search(rb"CONVERSION_BASED_UNIT\s*\(\s*'\s*(\w+)", record)
+        if converted and converted.group(1).upper() in _CONVERTED:
+            return _CONVERTED[converted.group(1).upper()]
+    si = re.search(rb"SI_UNIT\s*\(\s*(?:\.(\w+)\.|\$)\s*,\s*\.METRE\.\s*\)", data)
+    return _PREFIXES.get((si.group(1) or b"").upper(), "mm") if si else "mm"

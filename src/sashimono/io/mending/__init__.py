@@ -1,0 +1,1 @@
+"""Mending what a file holds: open surfaces, folds, several solids in one mesh."""

@@ -1,0 +1,209 @@
+"""The viewer page in a real browser: it plays, it is silent, and it shows what the plan says."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from view_example import HOSTILE_NAMES, paired_blocks, stacked_blocks
+
+from sashimono.geometry import se3
+from sashimono.view import write_html
+
+
+def _headless() -> ModuleType:
+    path = Path(__file__).resolve().parents[2] / "docs" / "headless_chromium.py"
+    spec = importlib.util.spec_from_file_location("headless_chromium", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    headless = _headless()
+    executable = headless.find_chromium()
+    if executable is None:
+        pytest.skip("no Chromium installed (Debian: apt-get install chromium)")
+    with headless.Page(executable, width=700, height=450) as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def complete(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The page of a complete plan, opened once: software rendering makes loading the slow part."""
+    plan, assembly = stacked_blocks()
+    browser.open(write_html(plan, assembly, tmp_path_factory.mktemp("view") / "plan.html"))
+    browser.screenshot()
+    return browser
+
+
+def decode_png(content: bytes) -> np.ndarray:
+    """Return the 8-bit RGB(A) image of a PNG without interlacing; enough for Chromium's screenshots."""
+    stream = io.BytesIO(content[8:])
+    data, width, height, channels = b"", 0, 0, 0
+    while header := stream.read(8):
+        size, kind = struct.unpack(">I4s", header)
+        body = stream.read(size)
+        stream.read(4)
+        if kind == b"IHDR":
+            width, height, depth, color = struct.unpack(">IIBB", body[:10])
+            assert depth == 8
+            channels = {2: 3, 6: 4}[color]
+        elif kind == b"IDAT":
+            data += body
+    rows = np.frombuffer(zlib.decompress(data), np.uint8).reshape(height, 1 + width * channels)
+    image = np.zeros((height, width * channels), np.uint8)
+    for y in range(height):
+        method, line = rows[y, 0], rows[y, 1:].astype(int)
+        above = image[y - 1].astype(int) if y else np.zeros(width * channels, int)
+        if method == 0:
+            image[y] = line
+        elif method == 2:
+            image[y] = (line + above) % 256
+        else:
+            current = [0] * channels
+            corner = [0] * channels
+            for x in range(width * channels):
+                a, b, c = current[x % channels], int(above[x]), corner[x % channels]
+                nearest = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
+                guess = {1: a, 3: (a + b) // 2, 4: nearest}[int(method)]
+                image[y, x] = value = (int(line[x]) + guess) % 256
+                current[x % channels], corner[x % channels] = value, b
+    return image.reshape(height, width, channels)[:, :, :3]
+
+
+def test_loads_without_errors_or_requests(complete: Any) -> None:
+    assert complete.evaluate("sashimono.ready") is True
+    assert complete.errors == []
+    assert [url for url in complete.requests if not url.startswith("file://") or "plan.html" not in url] == []
+
+
+def test_timeline_moves_the_parts_from_rest_to_assembled(complete: Any) -> None:
+    plan, _ = stacked_blocks()
+    for step in plan.steps:
+        name = step.part
+        complete.evaluate("sashimono.setTime(0)")
+        assert np.allclose(complete.evaluate(f"sashimono.poseOf('{name}')"), step.motion.T_world_part[0], atol=1e-12)
+        complete.evaluate("sashimono.setTime(sashimono.duration)")
+        assert np.allclose(complete.evaluate(f"sashimono.poseOf('{name}')"), plan.parts[name], atol=1e-12)
+
+
+def test_interpolation_is_the_geodesic(complete: Any) -> None:
+    rng = np.random.default_rng(7)
+    for scale in (0.0, 1e-9, 1e-3, 1.0, 3.1, np.pi - 1e-9):
+        axis = rng.normal(size=3)
+        twist = np.concatenate([rng.normal(size=3), scale * axis / np.linalg.norm(axis)])
+        T_a = se3.exp(rng.normal(size=6))
+        T_b = T_a @ se3.exp(twist)
+        u = float(rng.uniform(0.1, 0.9))
+        found = complete.evaluate(f"sashimono.interpolate({T_a.tolist()}, {T_b.tolist()}, {u})")
+        assert np.allclose(found, se3.interpolate(T_a, T_b, u), atol=1e-6), scale
+
+
+def test_picture_changes_with_time_and_has_the_part_in_it(complete: Any) -> None:
+    pictures = []
+    for share in (0.0, 1.0):
+        complete.evaluate(f"sashimono.setTime({share} * sashimono.duration)")
+        pictures.append(decode_png(complete.screenshot((10, 60, 340, 200))).astype(int))
+    assert all(picture.std() > 5.0 for picture in pictures), "blank"
+    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 30).mean() > 0.003
+
+
+def test_keyboard_steps_and_plays(complete: Any) -> None:
+    complete.evaluate("sashimono.setTime(0)")
+    second = complete.evaluate("sashimono.steps[1].start")
+    complete.press("ArrowRight", "ArrowRight")
+    assert complete.evaluate("sashimono.time") == pytest.approx(second)
+    complete.press("ArrowLeft", "ArrowLeft")
+    assert complete.evaluate("sashimono.time") == 0.0
+    complete.press(" ", "Space")
+    assert complete.evaluate("sashimono.playing") is True
+    complete.screenshot()
+    assert complete.evaluate("sashimono.time") > 0.0
+    complete.press(" ", "Space")
+    assert complete.evaluate("sashimono.playing") is False
+
+
+def test_step_list_shows_and_jumps(complete: Any) -> None:
+    complete.evaluate("document.querySelectorAll('button.row')[2].click()")
+    complete.screenshot()
+    assert complete.evaluate("sashimono.time") == pytest.approx(complete.evaluate("sashimono.steps[2].start"))
+    assert complete.evaluate("document.querySelector('[aria-current=step] .name').textContent") == "block_2"
+    assert "Complete & verified" in complete.evaluate("document.querySelector('.badge').textContent")
+
+
+def test_exploded_view_moves_only_what_is_drawn(complete: Any) -> None:
+    complete.evaluate("sashimono.setTime(sashimono.duration)")
+    complete.evaluate("sashimono.setView({explode: 1})")
+    drawn = np.array(complete.evaluate("sashimono.drawnPoseOf('block_1')"))
+    planned = np.array(complete.evaluate("sashimono.poseOf('block_1')"))
+    assert drawn[2, 3] - planned[2, 3] > 0.005
+    assert np.array_equal(drawn[:3, :3], planned[:3, :3])
+    complete.evaluate("sashimono.setView({explode: 0, xray: true, table: false, contacts: false})")
+    assert complete.errors == []
+    complete.evaluate("sashimono.setView({xray: false, table: true, contacts: true})")
+
+
+def test_a_subassembly_is_put_together_and_moves_as_one(browser: Any, complete: Any, tmp_path: Path) -> None:
+    plan, assembly = paired_blocks()
+    pair = plan.steps[-1]
+    browser.open(write_html(plan, assembly, tmp_path / "pair.html"))
+    steps = browser.evaluate("sashimono.steps")
+    assert [step["label"] for step in steps] == ["1", "2", "3.1", "3.2", "3"]
+
+    def shown(time: float) -> list[np.ndarray]:
+        browser.evaluate(f"sashimono.setTime({time})")
+        return [np.array(browser.evaluate(f"sashimono.poseOf({name!r})")) for name in pair.members]
+
+    assert pair.subassembly is not None
+    inner = pair.subassembly.steps[1].motion.T_world_part[0]
+    apart = se3.inverse(plan.parts[pair.members[0]]) @ inner
+    together = se3.inverse(plan.parts[pair.members[0]]) @ plan.parts[pair.members[1]]
+    for time, between in (
+        (0.0, apart),
+        (steps[3]["start"], apart),
+        (steps[3]["stop"], together),
+        (0.5 * (steps[4]["start"] + steps[4]["stop"]), together),
+        (steps[4]["stop"], together),
+    ):
+        lower, upper = shown(time)
+        np.testing.assert_allclose(se3.inverse(lower) @ upper, between, atol=1e-9)
+    for name, pose in zip(pair.members, shown(steps[4]["stop"]), strict=True):
+        np.testing.assert_allclose(pose, plan.parts[name], atol=1e-9)
+    said = browser.evaluate("document.getElementById('side').textContent")
+    assert "subassembly of 2: block_2, block_3" in said
+    assert "3 + 2 inside" in said
+    assert browser.evaluate("document.getElementById('caption').textContent").startswith("block_2 and 1 more")
+    browser.evaluate(f"sashimono.setTime({0.5 * (steps[3]['start'] + steps[3]['stop'])})")
+    caption = browser.evaluate("document.getElementById('caption').textContent")
+    assert "Step 3.2 of 3 · inside a subassembly" in caption
+    assert browser.errors == []
+
+
+def test_partial_plan_with_hostile_names(browser: Any, complete: Any, tmp_path: Path) -> None:
+    plan, assembly = stacked_blocks(names=HOSTILE_NAMES, unsolved=1)
+    browser.open(write_html(plan, assembly, tmp_path / "plan.html"))
+    browser.screenshot()
+    assert browser.errors == []
+    assert tuple(browser.evaluate("sashimono.names")) == HOSTILE_NAMES
+    assert browser.evaluate("window.broken") is None
+    assert "1 of 4" in browser.evaluate("document.querySelector('.badge').textContent")
+    row = browser.evaluate("document.querySelector('.row.unsolved').textContent")
+    assert HOSTILE_NAMES[-1] in row
+    assert "proven blocked" in row
+    assert "held by a hook" in row
+    browser.evaluate("sashimono.setTime(sashimono.duration / 2)")
+    browser.evaluate("sashimono.setTime(sashimono.duration)")
+    last = browser.evaluate("sashimono.poseOf(sashimono.names[3])")
+    assert np.allclose(last, plan.parts[HOSTILE_NAMES[-1]])
