@@ -49,7 +49,7 @@ ROOMS = {
         {"separation"},
         {"blocking"},
         {"paths"},
-        {"translation", "threads", "physics"},
+        {"translation", "threads", "physics", "tilting"},
         {"config", "inquiry"},
         {"conditions"},
         {"cascade"},

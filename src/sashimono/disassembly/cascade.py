@@ -26,6 +26,7 @@ from sashimono.disassembly.separation import DeclaredThread, Separation, Stage
 from sashimono.disassembly.threads.declared import declared_removal
 from sashimono.disassembly.threads.stage import ThreadStage
 from sashimono.disassembly.threads.surface import Threads
+from sashimono.disassembly.tilting.stage import TiltStage
 from sashimono.disassembly.translation.contact_normals import ContactNormals
 from sashimono.disassembly.translation.search import TranslationSearch
 from sashimono.disassembly.translation.stage import TranslationStage
@@ -58,12 +59,14 @@ class Cascade:
         )
         self.groups = GroupStage(table)
         self.physics = PhysicsStage(table, config=config.physics)
+        self.tilting = TiltStage(table, config=config.tilt)
         self.stages: tuple[Stage, ...] = (
             self.directions,
             self.threads,
             self.translations,
             self.groups,
             self.physics,
+            self.tilting,
         )
         """In the order in which they are asked: the ones that cost least first."""
         self._answers: dict[tuple[str, int, int], list[tuple[int, Separation]]] = {}

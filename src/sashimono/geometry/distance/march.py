@@ -30,7 +30,7 @@ def march(
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     direction = np.ascontiguousarray(direction, dtype=np.float64)
-    return _march(points, direction, length, limit, least_step, *solid.arrays)
+    return march_points(points, direction, length, limit, least_step, *solid.arrays)
 
 
 @njit(cache=True, nogil=True)
@@ -131,8 +131,9 @@ def _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals):  # 
 
 
 @njit(cache=True, nogil=True)
-def _march(points, direction, length, limit, least_step, boxes, links, triangles, normals):
+def march_points(points, direction, length, limit, least_step, boxes, links, triangles, normals):
     # pragma: no cover - compiled
+    """What `march` returns; for compiled callers."""
     travel = np.inf
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
