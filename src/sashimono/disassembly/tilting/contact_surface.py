@@ -16,8 +16,11 @@ from numba import njit
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.tilting.probes import contact_probes
 from sashimono.geometry import se3
-from sashimono.geometry.distance.screw import between
+from sashimono.geometry.distance.screw import adjoint, between, march_screw
 from sashimono.geometry.distance.signed_distance import nearest_normal
+
+_COARSER = 6.0
+"""Least step of the look along a stretch, over that of the exact check."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,6 +73,34 @@ class ContactSurface:
                     rows.append(np.concatenate([normals, np.cross(arms, normals) / radius], axis=1))
                     gaps.append(found[:, 0] + allowed)
         return Gaps(rows=np.concatenate(rows), gaps=np.concatenate(gaps))
+
+    def is_clear(self, D_a: Float[np.ndarray, "4 4"], D_b: Float[np.ndarray, "4 4"]) -> bool:
+        """Return whether the probes pass along the geodesic from one displacement to another.
+
+        They are fewer than the exact check follows (`Paths.check`), which has the last word on a path.
+        """
+        paths, table = self.paths, self.paths.blocking
+        twist = between(D_a, D_b)
+        T = D_a @ paths.T_assembled
+        for other in paths.near(D_a, twist=twist):
+            limit = float(table.allowances[paths.part, other]) + paths.tolerance * table.scale(paths.part, other)
+            least = _COARSER * table.config.least_step * min(paths.size, float(table.sizes[other]))
+            options = {"limit": limit, "least_step": least}
+            T_other_part = self._inverse[other] @ T
+            along = adjoint(self._inverse[other], twist)
+            points = se3.apply(T_other_part, self.own)
+            u, steps = march_screw(table.bodies[other].signed_distance, points, along, **options)
+            paths.traced += len(points) + steps
+            if np.isfinite(u):
+                return False
+            # seen from the part, the other moves the opposite way
+            T_part_other = se3.inverse(T_other_part)
+            points = se3.apply(T_part_other, self.theirs[other])
+            u, steps = march_screw(paths.body.signed_distance, points, -adjoint(T_part_other, along), **options)
+            paths.traced += len(points) + steps
+            if np.isfinite(u):
+                return False
+        return True
 
     def moved(self, D: Float[np.ndarray, "4 4"], motion: Float[np.ndarray, "6"]) -> Float[np.ndarray, "4 4"]:
         """Return the displacement after a motion (v, R ω) about the part's centre from D, followed as a screw."""

@@ -12,8 +12,8 @@ from sashimono.geometry.distance.march import march_points
 
 _AGAINST = -0.1
 """A direction that closes a touching gap faster than this is no way out."""
-_STRIDE = 6
-"""Every so manieth probe looks along a direction before the exact check does."""
+_STRIDES = (6, 1)
+"""Some probes look along all directions first, as most are blocked for these; then all do, then the exact check."""
 
 
 def straight_exit(
@@ -29,7 +29,9 @@ def straight_exit(
     directions = np.concatenate([[mean / length], lines, -lines] if length > 1e-9 else [lines, -lines])
     if len(touching):
         directions = directions[(directions @ touching.T).min(axis=1) > _AGAINST]
-    for direction in directions[_seem_open(surface, D, directions)]:
+    for stride in _STRIDES:
+        directions = directions[_seem_open(surface, D, directions, stride)]
+    for direction in directions:
         end = surface.paths.exit(D, direction)
         if end is not None:
             return end, direction
@@ -37,9 +39,9 @@ def straight_exit(
 
 
 def _seem_open(
-    surface: ContactSurface, D: Float[np.ndarray, "4 4"], directions: Float[np.ndarray, "direction 3"]
+    surface: ContactSurface, D: Float[np.ndarray, "4 4"], directions: Float[np.ndarray, "direction 3"], stride: int
 ) -> Bool[np.ndarray, "direction"]:
-    """Whether a few probes of both sides, followed along each direction, meet nothing."""
+    """Whether every so manieth probe of both sides, followed along each direction, meets nothing."""
     paths, table = surface.paths, surface.paths.blocking
     is_open = np.ones(len(directions), np.bool_)
     for other in paths.others:
@@ -50,10 +52,10 @@ def _seem_open(
         reach = float(np.linalg.norm(se3.apply(T, paths.body.center[None])[0] - body.center))
         options = (reach + paths.body.radius + body.radius, limit, least)
         along = directions @ table.poses[other][:3, :3]
-        points = np.ascontiguousarray(se3.apply(T, surface.own[::_STRIDE]))
+        points = np.ascontiguousarray(se3.apply(T, surface.own[::stride]))
         paths.traced += _close(points, along, *options, *body.signed_distance.arrays, is_open)
         T = se3.inverse(T)
-        points = np.ascontiguousarray(se3.apply(T, surface.theirs[other][::_STRIDE]))
+        points = np.ascontiguousarray(se3.apply(T, surface.theirs[other][::stride]))
         paths.traced += _close(points, -along @ T[:3, :3].T, *options, *paths.body.signed_distance.arrays, is_open)
     return is_open
 

@@ -1,7 +1,9 @@
 """The search of a part that must tilt: a tree of poses along the contact surface, until a straight way out opens.
 
 From the assembled pose a tree grows by slides (`sliding`): a node is drawn, a motion is wanted of it, and it follows
-this motion as far as the contacts let it. At each new node straight exits are tried.
+this motion as far as the contacts let it (expansive space trees: Hsu, Latombe and Motwani, "Path planning in expansive
+configuration spaces", 1997; retraction to the contact surface as in Zhang and Manocha, "An efficient retraction-based
+RRT planner", 2008). At each new node straight exits are tried. The way to an exit is then checked exactly.
 """
 
 from __future__ import annotations
@@ -38,10 +40,12 @@ class TiltConfig:
     """Share of this depth that sliding may use; the rest is for what the check sees between poses."""
     most_probes: int = 450
     """Points of a part at which contact is felt."""
-    max_slides: int = 600
-    """Slides from one assembled pose."""
+    max_slides: int = 900
+    """Slides tried for one part."""
     max_traced: int = 6_000_000
     """Tracing steps (`Paths.traced`) for one part; looked at after each slide."""
+    attempts: int = 3
+    """Trees grown in turn, each with an equal share of the steps: one that began badly seldom recovers."""
     trial_slides: int = 60
     """After so many slides, a part that got nowhere is given up."""
     least_reach: float = 0.06
@@ -52,7 +56,7 @@ class TiltConfig:
     """The same for the last pose of a slide, over that."""
     aligning: float = 0.25
     """Share of the motions drawn that bring a line of the part in line with one of the assembly."""
-    spread: int = 30
+    spread: int = 8
     """Lines spread evenly over all directions, along which an exit is tried besides the parts' own."""
     about_axes: float = 0.3
     """Share of the others that turn about the axis of a round face."""
@@ -113,12 +117,19 @@ class _Tree:
         self._all = np.concatenate([self._all, D[None]])
         return len(self.poses) - 1
 
-    def branch(self, node: int) -> list[Float[np.ndarray, "4 4"]]:
+    def branch(self, node: int) -> list[int]:
+        """Return the nodes from the assembled pose to this one."""
         out = []
         while node >= 0:
-            out.append(self.poses[node])
+            out.append(node)
             node = self.parents[node]
         return out[::-1]
+
+    def cut(self, node: int) -> None:
+        """Take a node, and what grew from it, out of the draws: the exact check refused the way there."""
+        for k in range(node, len(self.poses)):
+            if node in self.branch(k):
+                self.crowd[k] = np.inf
 
 
 def _symmetry_axis(paths: Paths) -> Float[np.ndarray, "3"] | None:
@@ -137,18 +148,33 @@ def search_tilt(blocking: Blocking, part: int, others: Sequence[int], *, config:
     """Return a removal of the part past the others by tilts, turns and shifts; no removal is never a proof."""
     paths = Paths(blocking, part, others, tolerance=config.tolerance)
     surface = ContactSurface(paths, most_probes=config.most_probes, leeway=config.leeway)
-    search = _Search(surface, config)
-    removal, slides, reason = search.run()
-    return TiltResult(removal=removal, reason=reason, slides=slides, nodes=len(search.tree.poses), traced=paths.traced)
+    removal, is_held, slides, nodes = None, False, 0, 0
+    for attempt in range(config.attempts):
+        search = _Search(surface, config, np.random.default_rng([config.seed, attempt]))
+        share = config.max_traced * (attempt + 1) // config.attempts
+        removal, tried = search.run(max_slides=config.max_slides - slides, max_traced=share)
+        slides, nodes, is_held = slides + tried, nodes + len(search.tree.poses), search.is_held
+        if removal is not None or is_held or slides >= config.max_slides:
+            break
+    if removal is not None:
+        reason = ""
+    elif is_held:
+        reason = "no tilt or shift leads away from the assembled pose"
+    elif slides >= config.max_slides:
+        reason = f"tilting ran out of its budget of {config.max_slides} slides"
+    else:
+        reason = f"tilting ran out of its budget of {config.max_traced} tracing steps"
+    return TiltResult(removal=removal, reason=reason, slides=slides, nodes=nodes, traced=paths.traced)
 
 
 class _Search:
     """One question's tree."""
 
-    def __init__(self, surface: ContactSurface, config: TiltConfig) -> None:
-        self.surface, self.paths, self.config = surface, surface.paths, config
+    def __init__(self, surface: ContactSurface, config: TiltConfig, rng: np.random.Generator) -> None:
+        self.surface, self.paths, self.config, self.rng = surface, surface.paths, config, rng
+        self.is_held = False
+        """Whether the part got nowhere."""
         self.radius = self.paths.body.radius
-        self.rng = np.random.default_rng(config.seed)
         self.tree = _Tree(self.paths, config.novelty * self.radius)
         self.frame = self.paths.blocking.frame(self.paths.part)
         table = self.paths.blocking
@@ -157,15 +183,15 @@ class _Search:
         self.spread = sphere_directions(2 * self.config.spread)[: self.config.spread] @ self.frame
         self.axes = self._round_axes()
 
-    def run(self) -> tuple[Removal | None, int, str]:
+    def run(self, *, max_slides: int, max_traced: int) -> tuple[Removal | None, int]:
+        """Return the removal, if one is found within the budgets, and the slides tried."""
         config = self.config
         draw = self._draw_motion if config.growth == "est" else self._draw_target
         reach = 0.0
-        for slides in range(config.max_slides):
-            if self.paths.traced >= config.max_traced:
-                return None, slides, f"tilting ran out of its budget of {config.max_traced} tracing steps"
-            if slides >= config.trial_slides and reach < config.least_reach * self.radius:
-                return None, slides, "no tilt or shift leads away from the assembled pose"
+        for slides in range(max_slides):
+            self.is_held = slides >= config.trial_slides and reach < config.least_reach * self.radius
+            if self.is_held or self.paths.traced >= max_traced:
+                return None, slides
             node, wanted = draw()
             self.tree.visits[node] += 1
             passed = slide(self.surface, self.tree.poses[node], wanted, config=config.slide)
@@ -177,8 +203,10 @@ class _Search:
                 reach = max(reach, float(gaps[0]))
                 node = self.tree.add(D, node, gaps)
                 if (removal := self._exit(node)) is not None:
-                    return removal, slides + 1, ""
-        return None, config.max_slides, f"tilting ran out of its budget of {config.max_slides} slides"
+                    return removal, slides + 1
+                if np.isinf(self.tree.crowd[node]):
+                    break
+        return None, max_slides
 
     def _exit(self, node: int) -> Removal | None:
         D = self.tree.poses[node]
@@ -187,9 +215,13 @@ class _Search:
         found = straight_exit(self.surface, D, near, lines)
         if found is None:
             return None
-        poses = self._shortened([*self.tree.branch(node)])
-        displacements = np.array([*poses, found[0]])
-        if not (self.paths.check(displacements) and self.paths.parts_once(displacements)):
+        branch = self.tree.branch(node)
+        for k, after in pairwise(branch):
+            if not self.paths.check(np.array([self.tree.poses[k], self.tree.poses[after]])):
+                self.tree.cut(after)
+                return None
+        displacements = np.array([*self._shortened([self.tree.poses[k] for k in branch]), found[0]])
+        if not self.paths.parts_once(displacements):
             return None
         return Removal(displacements=displacements, exit_direction=found[1])
 
@@ -271,7 +303,7 @@ class _Search:
         R = se3.exp_so3(angle * self._line(np.eye(4)))
         center = self.paths.center
         target = se3.make(R, center + shift - R @ center)
-        node = int(np.argmin(self.tree.gaps_to(target)))
+        node = int(np.argmin(self.tree.gaps_to(target) + np.where(np.isinf(self.tree.crowd), np.inf, 0.0)))
         return node, self._towards(target)
 
     def _round_axes(self) -> list[Float[np.ndarray, "2 3"]]:

@@ -1,4 +1,4 @@
-"""Sliding: how far a part follows a wanted motion along the contact surface, each stretch checked exactly."""
+"""Sliding: how far a part follows a wanted motion along the contact surface."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.tilting.contact_surface import ContactSurface, admissible
-from sashimono.geometry.distance.screw import between
 
 Wanted = Callable[[Float[np.ndarray, "4 4"]], Float[np.ndarray, "6"]]
 """Given the displacement, the rest of the motion (v, R ω) that is wanted [m]."""
@@ -38,12 +37,12 @@ class SlideConfig:
 def slide(
     surface: ContactSurface, D: Float[np.ndarray, "4 4"], wanted: Wanted, *, config: SlideConfig
 ) -> list[Float[np.ndarray, "4 4"]]:
-    """Return the displacements passed from D on, D left out, joined by checked geodesics; empty if it rests.
+    """Return the displacements passed from D on, without D, joined by geodesics that the probes clear; empty at rest.
 
-    Each stretch goes along the motion nearest to the wanted one that closes no gap, is retracted to the contact surface
-    where the curvature led it in, and is then followed by the exact check as far as that lets it.
+    Each stretch goes along the motion nearest to the wanted one that closes no gap, and is retracted to the contact
+    surface where the curvature led it in.
     """
-    paths, radius = surface.paths, surface.paths.body.radius
+    radius = surface.paths.body.radius
     step, least = config.step * radius, config.least_step * radius
     passed: list[np.ndarray] = []
     near = surface.gaps(D, margin=1.5 * step)
@@ -66,10 +65,10 @@ def slide(
             around = surface.gaps(reached, margin=1.5 * step)
         gained = surface.motion_to(D, reached)
         if float(gained @ ahead) < config.least_gain * float(ahead @ ahead):
-            share = 0.0
+            is_clear = False
         else:
-            share, _ = paths.advance(D, between(D, reached))
-        if share < 1.0:
+            is_clear = surface.is_clear(D, reached)
+        if not is_clear:
             step *= 0.4
             if step < least:
                 break
