@@ -45,10 +45,10 @@ ROOMS = {
     "geometry": [{"se3"}, {"mesh"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
     "io": [{"raw", "names"}, {"mending"}, {"formats"}, {"plan_schema"}, {"checks", "plan_json"}, {"read"}],
     "disassembly": [
-        {"masks", "removal", "refusal"},
-        {"separation"},
+        {"masks", "removal", "refusal", "tolerances"},
+        {"separation", "placed_parts"},
+        {"free_travel", "paths", "shared_bodies"},
         {"blocking"},
-        {"paths"},
         {"translation", "threads", "physics"},
         {"config", "inquiry"},
         {"conditions"},

@@ -32,7 +32,7 @@ def test_a_snap_fit_says_how_deep_the_part_would_go() -> None:
     ring = rod(10e-3, 20e-3) - rod(6e-3, 14e-3) - rod(5e-3, 40e-3)
     given = assembly(ring=ring, bead=rod(5.5e-3, 4e-3))
     cascade = Cascade(given, make_bodies(given), config=SeparateConfig(physics=PhysicsConfig(max_pushes=0)))
-    give = least_give(cascade.blocking, 1, [0], config=VerdictConfig())
+    give = least_give(cascade.parts, 1, [0], config=VerdictConfig())
     assert give is not None
     assert give.depth == pytest.approx(0.5e-3, rel=0.03)
     assert abs(give.direction[2]) == pytest.approx(1.0)

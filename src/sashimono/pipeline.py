@@ -180,11 +180,11 @@ def _take_apart(
     parts = frozenset(part for refusal in refused for part in bits(refusal.members))
     options = {"config": config.algorithm1, "refused": parts, "progress": progress}
     if not (config.executable and config.contacts):
-        return plan_disassembly(cascade.blocking, **options)
+        return plan_disassembly(cascade.parts, **options)
     executable = Executability(
         planner.assembly, planner.bodies, gripper=named_gripper(config.gripper), config=config.contact, rng=rng
     )
-    return plan_disassembly(cascade.blocking, is_executable=executable, **options)
+    return plan_disassembly(cascade.parts, is_executable=executable, **options)
 
 
 def propose_removals(assembly: Assembly, network: str) -> list[int]:

@@ -55,8 +55,8 @@ def clauses_of(parts: Assembly) -> dict[str, set[frozenset[str]]]:
 @pytest.mark.parametrize("clearance", [0.0, 1e-5, 2e-4])
 def test_a_peg_leaves_along_its_hole_only(clearance: float) -> None:
     parts = peg_in_plate(clearance)
-    table = cascade_of(parts).blocking
-    free = [table.direction(s) for s in range(table.count_signed) if table.is_free(1, s, 0b01)]
+    blocking = cascade_of(parts).blocking
+    free = [blocking.direction(s) for s in range(blocking.count_signed) if blocking.is_free(1, s, 0b01)]
     assert len(free) == 2
     np.testing.assert_allclose(np.abs(np.array(free)), [[0.0, 0.0, 1.0]] * 2, atol=1e-12)
 
@@ -190,8 +190,8 @@ def test_a_thin_washer_is_not_jumped() -> None:
     bolt = rod(0.005, 0.03) + rod(0.01, 0.006, (0.0, 0.0, 0.018))
     washer = rod(0.012, 0.0002, (0.0, 0.0, 0.0149)) - rod(0.0051, 0.01, (0.0, 0.0, 0.0149))
     parts = assembly(bolt=bolt, washer=washer)
-    table = cascade_of(parts).blocking
-    free = [table.direction(s)[2] for s in range(table.count_signed) if table.is_free(0, s, 0b10)]
+    blocking = cascade_of(parts).blocking
+    free = [blocking.direction(s)[2] for s in range(blocking.count_signed) if blocking.is_free(0, s, 0b10)]
     assert free == [1.0]
 
 
@@ -212,8 +212,8 @@ def test_removal_ends_clear_of_what_stays() -> None:
 
 def test_dovetailed_halves_slide_one_way_only() -> None:
     lower, upper = sliding_halves((0.04, 0.03, 0.02))
-    table = cascade_of(assembly(lower=lower, upper=upper)).blocking
-    free = [table.direction(s) for s in range(table.count_signed) if table.is_free(1, s, 0b01)]
+    blocking = cascade_of(assembly(lower=lower, upper=upper)).blocking
+    free = [blocking.direction(s) for s in range(blocking.count_signed) if blocking.is_free(1, s, 0b01)]
     np.testing.assert_allclose(np.abs(np.array(free)), [[1.0, 0.0, 0.0]] * 2, atol=1e-12)
 
 
@@ -286,11 +286,11 @@ def test_adding_an_obstacle_never_frees_a_part(seed: int) -> None:
     at = np.array([0.0, 0.0, 0.0]) + rng.choice([-1.0, 1.0], 3) * (0.011 + size / 2)
     solids["c"] = box(tuple(size), tuple(at))
     cascade = cascade_of(assembly(**solids))
-    table = cascade.blocking
+    blocking = cascade.blocking
     for part in range(3):
-        for signed in range(table.count_signed):
-            if table.is_free(part, signed, 0b111):
-                assert all(table.is_free(part, signed, among) for among in range(8))
+        for signed in range(blocking.count_signed):
+            if blocking.is_free(part, signed, 0b111):
+                assert all(blocking.is_free(part, signed, among) for among in range(8))
 
 
 def test_minimal_keeps_no_superset() -> None:

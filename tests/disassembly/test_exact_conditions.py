@@ -206,13 +206,13 @@ def test_a_part_that_is_met_again_is_in_the_way_of_a_motion_found_without_it() -
     walls += box((0.032, 0.02, 0.002), (0.006, 0, -0.011))
     pin = box((0.0112, 0.002, 0.002), (0.0044, 0, 0))
     parts = assembly(pin=pin, walls=walls)
-    table = Cascade(parts, make_bodies(parts), config=SeparateConfig()).blocking
+    there = Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
     ahead = Removal.straight(np.array([1.0, 0.0, 0.0]), 0.06)
-    assert hit_by_path(table, 0, ahead, [1], tolerance=0.0075) == 0b10
+    assert hit_by_path(there, 0, ahead, [1], tolerance=0.0075) == 0b10
 
 
 @pytest.mark.parametrize("thickness", [5e-7, 5e-6])
 def test_a_foil_has_more_lattice_points_than_a_word_counts(thickness: float) -> None:
     parts = assembly(foil=box((1.0, 1.0, thickness)), slab=box((1.1, 1.1, 0.1), (0, 0, -0.05 - thickness)))
-    table = Cascade(parts, make_bodies(parts), config=SeparateConfig()).blocking
-    assert not Space(table, 0, 80.0, config=SpaceConfig()).flood(0b10).blocked
+    there = Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
+    assert not Space(there, 0, 80.0, config=SpaceConfig()).flood(0b10).blocked

@@ -29,11 +29,11 @@ def said(separation: Separation) -> tuple[Any, ...]:
 
 
 def relation(cascade: Cascade) -> list[tuple[Any, ...]]:
-    table = cascade.blocking
+    blocking = cascade.blocking
     return [
-        (part, signed, table.masks(part, signed), table.blockers(part, signed))
-        for part in range(len(table))
-        for signed in range(table.count_signed)
+        (part, signed, blocking.masks(part, signed), blocking.blockers(part, signed))
+        for part in range(len(blocking))
+        for signed in range(blocking.count_signed)
     ]
 
 

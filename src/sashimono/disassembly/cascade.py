@@ -13,7 +13,6 @@ from dataclasses import replace
 from sashimono.assembly import Assembly
 from sashimono.disassembly.blocking.groups import GroupStage
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.shared import SharedBodies
 from sashimono.disassembly.blocking.stage import BlockingStage
 from sashimono.disassembly.conditions.clauses import RemovalConditions
 from sashimono.disassembly.conditions.find import find_conditions
@@ -21,8 +20,10 @@ from sashimono.disassembly.config import SeparateConfig
 from sashimono.disassembly.inquiry import Inquiry
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.physics.stage import PhysicsStage
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import DeclaredThread, Separation, Stage
+from sashimono.disassembly.shared_bodies import SharedBodies
 from sashimono.disassembly.threads.declared import declared_removal
 from sashimono.disassembly.threads.stage import ThreadStage
 from sashimono.disassembly.threads.surface import Threads
@@ -43,21 +44,22 @@ class Cascade:
     def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: SeparateConfig) -> None:
         self.assembly = assembly
         self.config = config
-        self.blocking = table = Blocking(assembly, bodies, config=config.blocking)
-        self.shared = SharedBodies(table, config=config.shared)
-        self._threads = Threads(table, config=config.unscrew)
-        self._touching = ContactNormals(table, gap=config.contact_gap)
-        self.directions = BlockingStage(table)
-        self.threads = ThreadStage(table, self._threads, hit_tolerance=config.physics.tolerance)
+        self.parts = parts = PlacedParts(assembly, bodies, config=config.parts)
+        self.blocking = Blocking(parts, config=config.blocking)
+        self.shared = SharedBodies(parts, config=config.shared)
+        self._threads = Threads(parts, config=config.unscrew)
+        self._touching = ContactNormals(parts, gap=config.contact_gap)
+        self.directions = BlockingStage(self.blocking)
+        self.threads = ThreadStage(parts, self._threads)
         self.translations = TranslationStage(
-            table,
-            ContactNormals(table, gap=config.proof_gap),
-            TranslationSearch(table, config=config.translation),
+            parts,
+            ContactNormals(parts, gap=config.proof_gap),
+            TranslationSearch(parts, config=config.translation),
             escape_samples=config.escape_samples,
             proof_margin=config.proof_margin,
         )
-        self.groups = GroupStage(table)
-        self.physics = PhysicsStage(table, config=config.physics)
+        self.groups = GroupStage(self.blocking)
+        self.physics = PhysicsStage(parts, config=config.physics)
         self.stages: tuple[Stage, ...] = (
             self.directions,
             self.threads,
@@ -107,8 +109,8 @@ class Cascade:
     def touching(self, part: int) -> int:
         """Return the mask of the parts that touch this one in the assembled pose."""
         mask = 0
-        for other in range(len(self.blocking)):
-            if other != part and (self.blocking.allowances[part, other] > 0.0 or self._touching.touch(part, other)):
+        for other in range(len(self.parts)):
+            if other != part and (self.parts.overlaps[part, other] > 0.0 or self._touching.touch(part, other)):
                 mask |= 1 << other
         return mask
 

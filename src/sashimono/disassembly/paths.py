@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.body import mutual_depth
@@ -26,23 +26,21 @@ class Paths:
     """Paths of one part past some others, as displacements from the assembled pose in the world frame.
 
     Every answer is a pure function of its arguments; what they took is counted in ``touched`` and ``traced``. The
-    probes of both parts are followed with the least step of the blocking relation.
+    probes of both parts are followed with the least step of `Tolerances`.
     """
 
-    def __init__(self, blocking: Blocking, part: int, others: Sequence[int], *, tolerance: float) -> None:
+    def __init__(self, parts: PlacedParts, part: int, others: Sequence[int], *, tolerance: float) -> None:
         """Take in the parts, and the depth allowed beyond the assembled overlap, over the pair's scale."""
         self.tolerance = tolerance
-        self.blocking = blocking
+        self.parts = parts
         self.part = part
         self.others = tuple(others)
-        self.body = blocking.bodies[part]
-        self.T_assembled = blocking.poses[part]
-        self.size = float(blocking.sizes[part])
+        self.body = parts.bodies[part]
+        self.T_assembled = parts.poses[part]
+        self.size = float(parts.sizes[part])
         self.center = se3.apply(self.T_assembled, self.body.center[None])[0]
         """Centre of the part in the assembled pose [m], world frame."""
-        boxes = [blocking.assembly.parts[k].bounds_world for k in self.others]
-        self._low = np.array([box[0] for box in boxes]).reshape(-1, 3)
-        self._high = np.array([box[1] for box in boxes]).reshape(-1, 3)
+        self._low, self._high = parts.boxes[list(self.others)].reshape(-1, 2, 3).swapaxes(0, 1)
         self.touched: set[int] = set()
         """Parts that stopped it in any answer so far: without the others all answers but `out` are bitwise the same."""
         self.traced = 0
@@ -57,7 +55,7 @@ class Paths:
         near = self.near(D, twist=twist)
         for stride in _STRIDES:
             for other in near:
-                u = self._past(D, scale * twist, other, stride, self.blocking.config.least_step)
+                u = self._past(D, scale * twist, other, stride, self.parts.tolerances.least_step)
                 if np.isfinite(u):
                     scale, stopper = scale * u, other
                     self.touched.add(other)
@@ -71,17 +69,15 @@ class Paths:
         if stopper is None:
             return u, None
         rate = self.rate(D, twist)
-        config = self.blocking.config
-        size = min(self.size, float(self.blocking.sizes[stopper]))
-        start = max(0.0, u - config.least_step * size / rate)
+        size = self.parts.smaller_size(self.part, stopper)
+        start = max(0.0, u - self.parts.tolerances.least_step * size / rate)
         D_start = se3.exp(start * twist) @ D
-        fine = config.least_step * _REFINE
+        fine = self.parts.tolerances.least_step * _REFINE
         rest = (u - start) * twist
         past = {other: self._past(D_start, rest, other, 1, fine) for other in self.near(D_start, twist=rest)}
         self.touched.update(other for other, first in past.items() if np.isfinite(first))
         stop = start + (u - start) * min(1.0, *past.values())
-        allowed = self.tolerance * self.blocking.scale(self.part, stopper)
-        allowed += float(self.blocking.allowances[self.part, stopper])
+        allowed = self.parts.limit(self.part, stopper, self.tolerance)
         return max(0.0, stop - (fine * size + allowed) / rate), stopper
 
     def check(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
@@ -94,25 +90,25 @@ class Paths:
 
     def straight(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6"]:
         """Return the translation from D along a unit direction past the whole assembly, whatever of it remains."""
-        return np.concatenate([self._way_past(range(len(self.blocking)), D, direction) * direction, np.zeros(3)])
+        return np.concatenate([self._way_past(range(len(self.parts)), D, direction) * direction, np.zeros(3)])
 
     def parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
         """Return whether a checked path holds to the bare tolerance from where an overlapping pair first parts.
 
         The overlap in the assembled pose excuses a pair only until the two have come apart (`parting`).
         """
-        table = self.blocking
+        parts = self.parts
         for other in self.others:
-            bare = table.config.tolerance * table.scale(self.part, other)
-            if table.allowances[self.part, other] > bare and not self._parts_once(displacements, other, bare):
+            bare = parts.tolerances.translation * parts.scale(self.part, other)
+            if parts.overlaps[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True
 
     def _parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"], other: int, bare: float) -> bool:
         """Whether the path is within the bare depth of one other after it has first been."""
-        table = self.blocking
-        least = table.config.least_step * min(self.size, float(table.sizes[other]))
-        T_b_world = se3.inverse(table.poses[other])
+        parts = self.parts
+        least = parts.tolerances.least_step * parts.smaller_size(self.part, other)
+        T_b_world = se3.inverse(parts.poses[other])
         parted = False
         for a, b in pairwise(displacements):
             twist = between(a, b)
@@ -120,12 +116,12 @@ class Paths:
             start = 0.0
             while not parted and start < 1.0:
                 T_b_a = T_b_world @ se3.exp(start * twist) @ a @ self.T_assembled
-                depth = mutual_depth(self.body, table.bodies[other], T_b_a)
+                depth = mutual_depth(self.body, parts.bodies[other], T_b_a)
                 parted = depth <= bare
                 start += 0.0 if parted else max(depth - bare, least) / max(rate, least)
             if parted and start < 1.0:
                 D, rest = se3.exp(start * twist) @ a, (1.0 - start) * twist
-                if np.isfinite(self._past(D, rest, other, 1, table.config.least_step, limit=bare)):
+                if np.isfinite(self._past(D, rest, other, 1, parts.tolerances.least_step, limit=bare)):
                     return False
         return True
 
@@ -135,9 +131,9 @@ class Paths:
             return None
         return self.out(D, direction)
 
-    def _way_past(self, parts: Sequence[int], D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> float:
+    def _way_past(self, among: Sequence[int], D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> float:
         back = self.body.lowest(D @ self.T_assembled, direction)
-        fronts = [float(self.blocking.world_bounds_along(k, direction)[1]) for k in parts]
+        fronts = [float(self.parts.bounds_along(k, direction)[1]) for k in among]
         return max(max(fronts, default=back) - back, 0.0) + 0.05 * self.size
 
     def distance(self, D_a: Float[np.ndarray, "4 4"], D_b: Float[np.ndarray, "4 4"]) -> float:
@@ -189,13 +185,13 @@ class Paths:
 
         Too deep is more than ``limit`` [m], or than the assembled overlap and the tolerance if None.
         """
-        table = self.blocking
-        b = table.bodies[other]
-        size = min(self.size, float(table.sizes[other]))
+        parts = self.parts
+        b = parts.bodies[other]
+        size = parts.smaller_size(self.part, other)
         if limit is None:
-            limit = float(table.allowances[self.part, other]) + self.tolerance * table.scale(self.part, other)
+            limit = parts.limit(self.part, other, self.tolerance)
         options = {"limit": limit, "least_step": least * size}
-        T_b_world = se3.inverse(table.poses[other])
+        T_b_world = se3.inverse(parts.poses[other])
         T_b_a = T_b_world @ D @ self.T_assembled
         T_a_b = se3.inverse(T_b_a)
         along_b = adjoint(T_b_world, twist)
@@ -212,11 +208,11 @@ class Paths:
         return scale * second if np.isfinite(second) else first
 
 
-def hit_by_path(blocking: Blocking, part: int, removal: Removal, among: Sequence[int], *, tolerance: float) -> int:
+def hit_by_path(parts: PlacedParts, part: int, removal: Removal, among: Sequence[int], *, tolerance: float) -> int:
     """Return the mask of the parts that a removal by any motion runs into; tolerance as for `Paths`."""
     mask = 0
     for other in among:
-        paths = Paths(blocking, part, [other], tolerance=tolerance)
+        paths = Paths(parts, part, [other], tolerance=tolerance)
         displacements = removal.displacements
         last = paths.exit(displacements[-1], removal.exit_direction) if paths.check(displacements) else None
         # a part that the motion parts from, and meets again, is hit too

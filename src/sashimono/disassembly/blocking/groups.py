@@ -17,7 +17,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.stage import straight_removal
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.removal import Removal
@@ -101,7 +100,7 @@ def find_subassembly(
             if not blocking.passes(part, signed, other)
         ]
         if not stops:
-            removal = straight_removal(blocking, members, others, blocking.direction(signed))
+            removal = blocking.parts.straight_removal(members, others, blocking.direction(signed))
             return Subassembly(members=members, signed=signed, removal=removal)
         for part, other in stops:
             for moving, way, stop in ((part, signed, other), (other, signed ^ 1, part)):

@@ -8,9 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
-from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
 from sashimono.plan import Answer, MotionClass
 
@@ -48,12 +46,12 @@ class BlockingStage:
             among: The signed directions that are asked for; all if None.
         """
         others = remaining & ~(1 << part)
-        table = self.blocking
-        asked = range(table.count_signed) if among is None else among
-        for signed in sorted(asked, key=lambda s: (-round(preference(table.direction(s)), 6), s)):
+        blocking = self.blocking
+        asked = range(blocking.count_signed) if among is None else among
+        for signed in sorted(asked, key=lambda s: (-round(preference(blocking.direction(s)), 6), s)):
             is_refused = Refusal(members=1 << part, signed=signed) in refused
-            if not is_refused and table.is_free(part, signed, others):
-                removal = straight_removal(table, 1 << part, others, table.direction(signed))
+            if not is_refused and blocking.is_free(part, signed, others):
+                removal = blocking.parts.straight_removal(1 << part, others, blocking.direction(signed))
                 return Separation(answer=Answer.FREE, removal=removal, signed=signed, stage=self.name)
         return None
 
@@ -62,12 +60,3 @@ class BlockingStage:
 
     def still_fails(self, said: Separation, asked: int, others: int) -> bool:
         return False
-
-
-def straight_removal(blocking: Blocking, members: int, others: int, direction: Float[np.ndarray, "3"]) -> Removal:
-    """Return the translation along a direction that takes the common box of some parts past those of the others."""
-    moving = bits(members)
-    back = min(blocking.world_bounds_along(part, direction)[0] for part in moving)
-    front = max((blocking.world_bounds_along(part, direction)[1] for part in bits(others)), default=back)
-    clearance = 0.05 * min(blocking.sizes[part] for part in moving)
-    return Removal.straight(direction, max(front - back, 0.0) + clearance)

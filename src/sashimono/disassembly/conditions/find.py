@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.stage import BlockingStage, straight_removal
+from sashimono.disassembly.blocking.stage import BlockingStage
 from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
 from sashimono.disassembly.conditions.enumeration import Said, enumerate_clauses
 from sashimono.disassembly.conditions.systems import remainder
@@ -89,7 +89,7 @@ class _Search:
             return Said(core=core, is_proven=separation.proven_for is not None)
 
         config = self.config
-        everything = self.blocking.all_parts & ~(1 << part)
+        everything = self.blocking.parts.all_parts & ~(1 << part)
         enumerated = enumerate_clauses(
             everything,
             clauses,
@@ -110,7 +110,7 @@ class _Search:
         if (other, part) in self._turned:  # the two come apart by one relative motion, whichever moves
             removal = self._turned[other, part].of_the_other()
             self.inquiry.remember(part, self.physics.witness(part, holder, removal))
-        for remaining in (holder | 1 << part, self.blocking.all_parts):
+        for remaining in (holder | 1 << part, self.blocking.parts.all_parts):
             if any(not mask & remaining for mask in clauses):
                 return
             # single translations are in the clauses already
@@ -123,7 +123,7 @@ class _Search:
 
 def single_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
     """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
-    others = blocking.all_parts & ~(1 << part)
+    others = blocking.parts.all_parts & ~(1 << part)
     kept: dict[int, int] = {}
     masks = [blocking.masks(part, signed) for signed in range(blocking.count_signed)]
     order = sorted(range(len(masks)), key=lambda s: (masks[s][0].bit_count() + masks[s][1].bit_count(), s))
@@ -146,7 +146,7 @@ def single_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
     return {
         mask: Clause(
             blockers=mask,
-            removal=straight_removal(blocking, 1 << part, others & ~mask, blocking.direction(by)),
+            removal=blocking.parts.straight_removal(1 << part, others & ~mask, blocking.direction(by)),
             stage="blocking",
         )
         for mask, by in kept.items()

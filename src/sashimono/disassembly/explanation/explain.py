@@ -12,6 +12,7 @@ from sashimono.assembly import Overlap, frozen_array
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.conditions.clauses import minimal
 from sashimono.disassembly.explanation.obstruction import Obstruction, ObstructionConfig, find_obstruction
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.inquiry import Inquiry
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.removal import Removal
@@ -113,9 +114,9 @@ def explain_part(
         inquiry: Shares its budget among several explanations; one of its own if None.
     """
     config, inquiry = config or ExplainConfig(), inquiry or cascade.inquire()
-    assembly, table = cascade.assembly, cascade.blocking
+    assembly = cascade.assembly
     mover = assembly.index(part)
-    others = table.all_parts if fixed is None else sum(1 << assembly.index(name) for name in set(fixed))
+    others = cascade.parts.all_parts if fixed is None else sum(1 << assembly.index(name) for name in set(fixed))
     others &= ~(1 << mover)
     names = tuple(assembly.names[k] for k in bits(others))
     found = inquiry.separate(mover, others | 1 << mover)
@@ -198,13 +199,13 @@ def _telling_directions(
 
 def _blockers_by_direction(cascade: Cascade, part: int, others: int) -> dict[int, int]:
     """Blocker masks by signed direction; the last, costly look only where no other direction needs fewer."""
-    table = cascade.blocking
+    blocking = cascade.blocking
     masks: dict[int, int] = {}
-    rough = {signed: table.blockers(part, signed, others) for signed in range(table.count_signed)}
+    rough = {signed: blocking.blockers(part, signed, others) for signed in range(blocking.count_signed)}
     for signed in sorted(rough, key=lambda s: (rough[s].bit_count(), s)):
         mask = rough[signed]
         if not any(known & mask == known for known in masks.values()):
-            mask |= sum(1 << k for k in bits(others & ~mask) if not table.passes(part, signed, k))
+            mask |= sum(1 << k for k in bits(others & ~mask) if not blocking.passes(part, signed, k))
         masks[signed] = mask
     return masks
 
@@ -233,24 +234,24 @@ def _leaving_before(cascade: Cascade, inquiry: Inquiry, part: int, others: int, 
 
 
 def _blocked_direction(cascade: Cascade, part: int, signed: int, mask: int, config: ExplainConfig) -> BlockedDirection:
-    table, parts = cascade.blocking, cascade.assembly.parts
-    direction = table.direction(signed)
+    parts = cascade.parts
+    direction = cascade.blocking.direction(signed)
     blockers = []
     for other in bits(mask):
-        size = min(table.sizes[part], table.sizes[other])
+        size = parts.smaller_size(part, other)
         found = find_obstruction(
-            (parts[part].vertices_world, parts[part].faces),
-            (parts[other].vertices_world, parts[other].faces),
+            (parts.vertices[part], parts.faces[part]),
+            (parts.vertices[other], parts.faces[other]),
             direction,
-            slack=float(table.allowances[part, other]) + 1e-3 * float(size),
+            slack=float(parts.overlaps[part, other]) + 1e-3 * size,
             config=config.obstruction,
         )
-        travel = table.travel(part, np.zeros(3), direction, other) if found is None else found.travel
-        blockers.append(Blocker(part=parts[other].name, travel=float(travel), obstruction=found))
+        travel = free_travel(parts, part, np.zeros(3), direction, other) if found is None else found.travel
+        blockers.append(Blocker(part=cascade.assembly.names[other], travel=float(travel), obstruction=found))
     return BlockedDirection(direction=direction, blockers=tuple(sorted(blockers, key=lambda b: (b.travel, b.part))))
 
 
 def _is_small(cascade: Cascade, part: int, direction: BlockedDirection, config: ExplainConfig) -> bool:
-    sizes = cascade.blocking.sizes
+    sizes = cascade.parts.sizes
     smallest = min(sizes[part], *(sizes[cascade.assembly.index(b.part)] for b in direction.blockers))
     return direction.change <= config.small_change * float(smallest)

@@ -163,7 +163,7 @@ def _responses(
     answer = sliding_twist(contacts, push, friction=config.friction, **options)
     if np.linalg.norm(answer) < config.rest:
         return []
-    lines = paths.blocking.directions
+    lines = paths.parts.lines
     likely = []
     for snap in (config.slippage.snap, config.wide_snap):
         along = snapped(contacts.rows, answer, lines, config=replace(config.slippage, snap=snap))

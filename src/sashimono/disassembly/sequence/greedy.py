@@ -64,7 +64,7 @@ def find_disassembly(
         progress: Called with the number of parts that have left so far.
     """
     chooser = _Chooser(cascade, config, refused, proposed)
-    return _disassemble(chooser, cascade.blocking.all_parts if start is None else start, progress)
+    return _disassemble(chooser, cascade.parts.all_parts if start is None else start, progress)
 
 
 def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None]) -> DisassemblyResult:
@@ -85,9 +85,9 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
     if not remaining & (remaining - 1):
         protected, said = bits(remaining)[0], {}
     stuck = [(part, known) for part, known in said.items() if part != protected]
-    table, config = chooser.cascade.blocking, chooser.config.verdict
+    parts, config = chooser.cascade.parts, chooser.config.verdict
     return DisassemblyResult(
-        base=protected, removals=tuple(removals), stuck=worded(table, remaining, stuck, config=config)
+        base=protected, removals=tuple(removals), stuck=worded(parts, remaining, stuck, config=config)
     )
 
 
@@ -108,13 +108,13 @@ class _Chooser:
         self.inquiry = cascade.inquire()
         self.later_stages = tuple(stage for stage in cascade.stages if stage is not cascade.directions)
         """Those that are asked about one part after another; single translations are ranked over all parts."""
-        table = cascade.blocking
-        self.volumes = np.array([body.mass_properties.volume for body in table.bodies])
-        boxes = np.array([np.ptp(part.bounds_world, axis=0) for part in cascade.assembly.parts])
+        parts = cascade.parts
+        self.volumes = np.array([body.mass_properties.volume for body in parts.bodies])
+        boxes = np.ptp(parts.boxes, axis=1)
         self.bulk = np.prod(boxes + 1e-9 * boxes.max(), axis=1) + self.volumes
         rank = np.argsort(np.argsort(self.bulk, kind="stable"), kind="stable")
         self.smallness = 1.0 - rank / max(1, len(rank) - 1)
-        self.neighbours = [cascade.touching(part) for part in range(len(table))]
+        self.neighbours = [cascade.touching(part) for part in range(len(parts))]
         self.up = np.array(config.up)
 
     def base_among(self, remaining: int) -> int:
@@ -195,12 +195,12 @@ class _Chooser:
         Who can leave without ploughing through what he overlaps goes first, and that way. Candidates that the maps
         leave are traced the best first, so that only those better than the answer are traced in vain.
         """
-        table, worth = self.cascade.blocking, self.preference(last)
-        worths = [worth(table.direction(signed)) for signed in range(table.count_signed)]
+        blocking, worth = self.cascade.blocking, self.preference(last)
+        worths = [worth(blocking.direction(signed)) for signed in range(blocking.count_signed)]
         ranked = []
         for part in bits(remaining & ~(1 << protected)):
             others = remaining & ~(1 << part)
-            open_ways = [s for s in range(table.count_signed) if not table.masks(part, s)[0] & others]
+            open_ways = [s for s in range(blocking.count_signed) if not blocking.masks(part, s)[0] & others]
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
             for ploughs, signed in self._by_ploughing(part, others, open_ways):
                 ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in signed]
@@ -217,9 +217,9 @@ class _Chooser:
 
     def _by_ploughing(self, part: int, others: int, open_ways: list[int]) -> Iterator[tuple[bool, list[int]]]:
         """Yield the open directions that do not plough through what the part overlaps, then those that do."""
-        table, shared = self.cascade.blocking, self.cascade.shared
+        blocking, shared = self.cascade.blocking, self.cascade.shared
         overlapped = shared.overlapping(part, bits(others))
-        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, table.direction(s)) for s in open_ways}
+        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, blocking.direction(s)) for s in open_ways}
         for ploughs in (False, True):
             yield ploughs, [s for s in open_ways if through[s] == ploughs]
 
@@ -242,9 +242,9 @@ class _Chooser:
 
     def next_subassembly(self, remaining: int, protected: int) -> Departure | None:
         """The best set of parts that leaves as one body, with how it comes apart by itself."""
-        table = self.cascade.blocking
+        blocking = self.cascade.blocking
         found = find_subassembly(
-            table,
+            blocking,
             remaining,
             stays=protected,
             worth=self.preference(None),

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.configuration_space import NESTED, Space, SpaceConfig
 
 
 class Cages:
     """Proofs for one part at a time. What was asked before makes an answer faster, never another."""
 
-    def __init__(self, blocking: Blocking, *, config: SpaceConfig) -> None:
-        self._blocking = blocking
+    def __init__(self, parts: PlacedParts, *, config: SpaceConfig) -> None:
+        self._parts = parts
         self._config = config
         self._part = -1
         self._spaces: dict[tuple[int, tuple[int, ...]], Space] = {}
@@ -56,6 +56,6 @@ class Cages:
                 self._spaces.pop(next(iter(self._spaces)))
             resolution = self._config.proof_resolutions[level]
             self._spaces[key] = Space(
-                self._blocking, self._part, resolution, config=self._config, window=window, parent=parent
+                self._parts, self._part, resolution, config=self._config, window=window, parent=parent
             )
         return self._spaces[key]

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.placed_parts import PlacedParts
 
 
 class Levels:
     """Coordinates of parts' flat faces along lines, worked out as they are asked for."""
 
-    def __init__(self, blocking: Blocking, *, most: int, grain: float) -> None:
+    def __init__(self, parts: PlacedParts, *, most: int, grain: float) -> None:
         """Keep, of one part along one line, the ends and the ``most`` largest faces; levels nearer than
         ``grain``, relative to the part's smallest extent, are one."""
-        self._blocking = blocking
+        self._parts = parts
         self._most = most
         self._grain = grain
         self._faces: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
@@ -28,8 +28,8 @@ class Levels:
         if key not in self._levels:
             normals, areas, centers = self._normals(part)
             across = np.abs(normals @ line) > 1.0 - 1e-6
-            ends = self._blocking.world_bounds_along(part, line)
-            merge = 1e-6 * float(self._blocking.sizes[part])
+            ends = self._parts.bounds_along(part, line)
+            merge = 1e-6 * float(self._parts.sizes[part])
             at, group = np.unique(np.round((centers[across] @ line - ends[0]) / merge), return_inverse=True)
             weight = np.bincount(group.reshape(-1), weights=areas[across], minlength=len(at))
             largest = at[np.argsort(-np.round(weight / areas.sum(), 9), kind="stable")[: self._most]]
@@ -40,7 +40,7 @@ class Levels:
         self, part: int, others: Sequence[int], lines: Float[np.ndarray, "line 3"]
     ) -> list[Float[np.ndarray, "_"]]:
         """Return, by line, how far the part must go along it for one of its faces to come level with an obstacle's."""
-        grain = self._grain * float(self._blocking.sizes[part])
+        grain = self._grain * float(self._parts.sizes[part])
         out = []
         for line in lines:
             own = self.of(part, line)
@@ -50,7 +50,7 @@ class Levels:
 
     def _normals(self, part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if part not in self._faces:
-            triangles = self._blocking.vertices(part)[self._blocking.faces(part)]
+            triangles = self._parts.vertices[part][self._parts.faces[part]]
             normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
             areas = np.linalg.norm(normals, axis=1)
             fine = areas > 1e-12 * areas.max()

@@ -7,15 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.placed_parts import PlacedParts
 
 
 class Legs:
     """Free travel of one part from any displacement along given lines; what was traced is kept."""
 
-    def __init__(self, blocking: Blocking, part: int, lines: Float[np.ndarray, "line 3"]) -> None:
+    def __init__(self, parts: PlacedParts, part: int, lines: Float[np.ndarray, "line 3"]) -> None:
         """Take in the part and the lines; signed direction ``2 k`` is ``+lines[k]``, ``2 k + 1`` the opposite."""
-        self.blocking = blocking
+        self.parts = parts
         self.part = part
         self.lines = lines
         self.signed = np.stack([lines, -lines], axis=1).reshape(-1, 3)
@@ -29,7 +30,7 @@ class Legs:
         Of a part stopped before ``enough`` [m], not necessarily the first obstacle is found.
         """
         shortest, stopper = length, None
-        for meeting, other in self.blocking.met(self.part, offset, self.signed[signed], others):
+        for meeting, other in self.parts.parts_ahead(self.part, offset, self.signed[signed], others):
             if meeting >= shortest:
                 break
             travel = self._past(offset, signed, other, shortest)
@@ -44,6 +45,6 @@ class Legs:
         key = (offset.tobytes(), signed, other)
         travel, looked = self._known.get(key, (np.inf, 0.0))
         if np.isinf(travel) and looked < length:
-            travel = self.blocking.travel(self.part, offset, self.signed[signed], other, length=length)
+            travel = free_travel(self.parts, self.part, offset, self.signed[signed], other, length=length)
             self._known[key] = (travel, length)
         return travel if travel < length else np.inf

@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation.caging import Cages
 from sashimono.disassembly.translation.configuration_space import Flood, Space, SpaceConfig
@@ -82,12 +83,12 @@ class TranslationResult:
 class TranslationSearch:
     """Searches translations of one part at a time; configuration spaces and face levels are kept."""
 
-    def __init__(self, blocking: Blocking, *, config: TranslationConfig) -> None:
-        self.blocking = blocking
+    def __init__(self, parts: PlacedParts, *, config: TranslationConfig) -> None:
+        self.parts = parts
         self.config = config
-        self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
+        self._levels = Levels(parts, most=config.face_levels, grain=config.grain)
         self._spaces: dict[tuple[int, int], Space] = {}
-        self._cages = Cages(blocking, config=config.space)
+        self._cages = Cages(parts, config=config.space)
         self._legs: Legs | None = None
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
@@ -122,7 +123,7 @@ class TranslationSearch:
 
     def _legs_of(self, part: int) -> Legs:
         if self._legs is None or self._legs.part != part:
-            self._legs = Legs(self.blocking, part, _lines(self.blocking, part, self.config.max_directions))
+            self._legs = Legs(self.parts, part, _lines(self.parts, part, self.config.max_directions))
         return self._legs
 
     def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
@@ -133,7 +134,7 @@ class TranslationSearch:
             for leg, (start, stop) in enumerate(pairwise(stops)):
                 length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
                 direction = (stop - start) / np.linalg.norm(stop - start)
-                if np.isfinite(self.blocking.travel(part, start, direction, other, length=length)):
+                if np.isfinite(free_travel(self.parts, part, start, direction, other, length=length)):
                     mask |= 1 << other
                     break
         return mask
@@ -145,7 +146,7 @@ class TranslationSearch:
                 self._spaces.pop(next(iter(self._spaces)))
             config, grown = self.config.space, level == ROOM
             resolution = config.room_resolution if grown else config.resolutions[level]
-            self._spaces[key] = Space(self.blocking, part, resolution, config=config, grown=grown)
+            self._spaces[key] = Space(self.parts, part, resolution, config=config, grown=grown)
         return self._spaces[key]
 
 
@@ -166,14 +167,14 @@ class _BestFirst:
         config: TranslationConfig,
     ) -> None:
         self.legs = legs
-        self.blocking, self.part, self.others = legs.blocking, legs.part, list(others)
-        blocking, part = self.blocking, self.part
+        self.parts, self.part, self.others = legs.parts, legs.part, list(others)
+        parts, part = self.parts, self.part
         self.space, self.flood, self.room, self.config = space, flood, room, config
         self.tried: set[tuple[int, ...]] = set()
-        self.boxes = blocking.boxes_in(np.eye(3))
+        self.boxes = parts.boxes_in(np.eye(3))
         self.mask = sum(1 << other for other in others)
-        self.cell = config.least_travel * float(blocking.sizes[part])
-        self.least = config.least_leg * float(blocking.sizes[part])
+        self.cell = config.least_travel * float(parts.sizes[part])
+        self.least = config.least_leg * float(parts.sizes[part])
         self.lines, self.signed = legs.lines, legs.signed
         self.differences = levels.differences(part, others, self.lines)
         self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
@@ -213,7 +214,7 @@ class _BestFirst:
             self.met.add(stopper)
             self.reach[key] = travel
             # where curved faces meet there is no level: back off to where they touch
-            back = travel - self.blocking.limit(self.part, stopper)
+            back = travel - self.parts.limit(self.part, stopper, self.parts.tolerances.translation)
             if back > self.least:
                 self._push(path, np.array([signed]), np.array([back]), np.array([False]))
         reason = (
@@ -245,10 +246,10 @@ class _BestFirst:
         return None
 
     def _is_stopped(self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float) -> bool:
-        blocking, part = self.blocking, self.part
+        parts, part = self.parts, self.part
         return any(
-            meeting < length and np.isfinite(blocking.travel(part, offset, direction, other, length=length))
-            for meeting, other in blocking.met(part, offset, direction, self.others)
+            meeting < length and np.isfinite(free_travel(parts, part, offset, direction, other, length=length))
+            for meeting, other in parts.parts_ahead(part, offset, direction, self.others)
         )
 
     def _expand(self, path: list[np.ndarray]) -> None:
@@ -293,14 +294,14 @@ class _BestFirst:
 
     def _holds(self, removal: Removal) -> bool:
         """Whether exact bodies go no deeper than traced samples may, in some poses of each leg."""
-        blocking = self.blocking
+        parts = self.parts
         for start, stop in pairwise(removal.displacements[:, :3, 3]):
             for u in (np.arange(self.config.booleans) + 0.5) / self.config.booleans:
                 offset = (1.0 - u) * start + u * stop
                 for other in self._around(offset):
-                    T = se3.inverse(blocking.poses[other]) @ se3.make(None, offset) @ blocking.poses[self.part]
+                    T = se3.inverse(parts.poses[other]) @ se3.make(None, offset) @ parts.poses[self.part]
                     depth = intersection_depth(
-                        blocking.bodies[self.part], blocking.bodies[other], T, max_points=self.config.boolean_points
+                        parts.bodies[self.part], parts.bodies[other], T, max_points=self.config.boolean_points
                     )
                     if depth is not None and depth > self._tolerated(other):
                         self.met.add(other)
@@ -316,14 +317,13 @@ class _BestFirst:
 
     def _tolerated(self, other: int) -> float:
         """The depth that a plan may have [m]."""
-        share = self.config.space.tolerance * self.blocking.scale(self.part, other)
-        return share + float(self.blocking.allowances[self.part, other])
+        return self.parts.limit(self.part, other, self.parts.tolerances.plan)
 
     def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:
-        blocking = self.blocking
-        back = blocking.world_bounds_along(self.part, direction)[0] + float(path[-1] @ direction)
-        front = max(blocking.world_bounds_along(other, direction)[1] for other in self.others)
-        end = path[-1] + (max(front - back, 0.0) + 0.05 * blocking.sizes[self.part]) * direction
+        parts = self.parts
+        back = parts.bounds_along(self.part, direction)[0] + float(path[-1] @ direction)
+        front = max(parts.bounds_along(other, direction)[1] for other in self.others)
+        end = path[-1] + (max(front - back, 0.0) + 0.05 * parts.sizes[self.part]) * direction
         displacements = np.stack([np.eye(4)] * (len(path) + 1))
         displacements[1:-1, :3, 3] = np.array(path[1:]).reshape(-1, 3)
         displacements[-1, :3, 3] = end
@@ -339,10 +339,10 @@ def _proven(parts: tuple[int, ...]) -> TranslationResult:
     )
 
 
-def _lines(blocking: Blocking, part: int, most: int) -> Float[np.ndarray, "line 3"]:
+def _lines(parts: PlacedParts, part: int, most: int) -> Float[np.ndarray, "line 3"]:
     """The part's own lines, then those of all parts, without repeats."""
     kept: list[np.ndarray] = []
-    for line in np.concatenate([blocking.part_lines[part], blocking.common_lines]):
+    for line in np.concatenate([parts.part_lines[part], parts.common_lines]):
         if len(kept) < most and all(abs(line @ other) < 0.99996 for other in kept):
             kept.append(line)
     return np.array(kept)

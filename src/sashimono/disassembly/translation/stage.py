@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.stage import straight_removal
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.translation.contact_normals import ContactNormals, escape_directions, immobile_margin
@@ -22,23 +22,23 @@ class TranslationStage:
 
     def __init__(
         self,
-        blocking: Blocking,
+        parts: PlacedParts,
         contacts: ContactNormals,
         search: TranslationSearch,
         *,
         escape_samples: int,
         proof_margin: float,
     ) -> None:
-        """Take in the relation, the contacts that may hold a part, the search, and two options of the contacts.
+        """Take in the parts, the contacts that may hold a part, the search, and two options of the contacts.
 
         Args:
-            blocking: The parts and their relation.
+            parts: The placed parts.
             contacts: Which parts touch, as a proof needs it.
             search: Of several translations in a row.
             escape_samples: As in `SeparateConfig`.
             proof_margin: As in `SeparateConfig`.
         """
-        self.blocking, self.contacts, self.search = blocking, contacts, search
+        self.parts, self.contacts, self.search = parts, contacts, search
         self.escape_samples, self.proof_margin = escape_samples, proof_margin
 
     def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
@@ -46,8 +46,8 @@ class TranslationStage:
         contacts = self.contacts.of(part, others, samples=self.escape_samples)
         directions, margin = escape_directions(contacts, samples=self.escape_samples)
         for direction in directions:
-            if all(np.isinf(self.blocking.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
-                removal = straight_removal(self.blocking, 1 << part, others, direction)
+            if all(np.isinf(free_travel(self.parts, part, np.zeros(3), direction, other)) for other in bits(others)):
+                removal = self.parts.straight_removal(1 << part, others, direction)
                 return self._free(part, remaining, removal, stage="contacts")
         if margin < -self.proof_margin:
             # a ridge lower than the tolerance touches too: this is a hint where a proof is to be had
@@ -68,7 +68,7 @@ class TranslationStage:
         return holders & ~others == 0 and (said.proven_for is not None or others & ~asked == 0)
 
     def _free(self, part: int, remaining: int, removal: Removal, *, stage: str) -> Separation:
-        absent = bits(self.blocking.all_parts & ~remaining)
+        absent = bits(self.parts.all_parts & ~remaining)
         hits = self.search.hit_by(part, removal, absent)
         return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=stage)
 

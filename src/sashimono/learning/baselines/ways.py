@@ -26,6 +26,7 @@ from sashimono.d4pas.states import Masks, right_next
 from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.conditions.clauses import minimal
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.learning.cloud_cache import CloudCache, Dataset
 
 VERSION = 1
@@ -73,7 +74,7 @@ def is_right_step(masks: Masks, ways: Ways, placed: int, part: int, axis: int) -
 def find_ways(assembly: Assembly) -> Ways:
     """Return the ways in of an assembly's parts, past the directions of level 1's blocking relation."""
     bodies = make_bodies(assembly)
-    blocking = Blocking(assembly, bodies, config=BlockingConfig())
+    blocking = Blocking(PlacedParts(assembly, bodies, config=PlacedPartsConfig()), config=BlockingConfig())
     axes = np.stack([_signed_axes(part.T_world_part, bodies[part.name]) for part in assembly.parts])
     blockers = []
     for part in range(len(blocking)):
@@ -129,7 +130,7 @@ def _blockers(blocking: Blocking, part: int, signed: int, known: Sequence[Sequen
     def is_vain() -> bool:
         return all(any(mask & blocked == mask for mask in masks) for masks in known)
 
-    for other in bits(blocking.all_parts & ~(1 << part) & ~blocked):
+    for other in bits(blocking.parts.all_parts & ~(1 << part) & ~blocked):
         if is_vain():
             return None
         stopped = bool(unclear >> other & 1) and blocking.is_blocked_by(part, signed, other)
