@@ -47,7 +47,8 @@ ROOMS = {
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
-        {"free_travel", "paths", "shared_bodies"},
+        {"free_travel"},
+        {"paths", "shared_bodies"},
         {"blocking"},
         {"translation", "threads", "physics"},
         {"config", "inquiry"},

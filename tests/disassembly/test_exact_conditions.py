@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from removal_check import problems
 from solids import assembly, box, l_tunnel, rod
 
 from sashimono.assembly import Assembly, Part
@@ -18,11 +19,6 @@ from sashimono.disassembly.translation.flood import label
 from sashimono.disassembly.translation.meeting import Drawn, SceneBuilder, shell
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
-from sashimono.verify.body import Body
-from sashimono.verify.config import VerifyConfig
-from sashimono.verify.overlap import AssembledOverlaps
-from sashimono.verify.pairs import check_pair, pair_tolerance
-from sashimono.verify.sweep import Screws
 
 
 def conditions_of(parts: Assembly) -> RemovalConditions:
@@ -34,27 +30,6 @@ def by_name(parts: Assembly, conditions: RemovalConditions) -> dict[str, set[fro
         name: {frozenset(parts.names[k] for k in bits(clause.blockers)) for clause in clauses}
         for name, clauses in zip(parts.names, conditions.clauses, strict=True)
     }
-
-
-def problems(parts: Assembly, part: Part, others: list[Part], removal: Removal) -> list[str]:
-    """What the check has against a removal."""
-    config = VerifyConfig(samples=1000)
-    bodies = {p.name: Body(p.name, p.vertices_part, p.faces, samples=config.samples) for p in parts.parts}
-    overlaps = AssembledOverlaps(bodies, {p.name: p.T_world_part for p in parts.parts})
-    path = Screws.between(removal.displacements[::-1] @ part.T_world_part)
-    found = [
-        check_pair(
-            bodies[part.name],
-            bodies[other.name],
-            path,
-            other.T_world_part,
-            allowance=lambda other=other: overlaps.depth(part.name, other.name),
-            tolerance=pair_tolerance(bodies[part.name], bodies[other.name], config),
-            config=config,
-        ).problem
-        for other in others
-    ]
-    return [problem for problem in found if problem]
 
 
 def cups() -> Assembly:

@@ -19,6 +19,7 @@ from sashimono.disassembly.conditions.find import find_conditions
 from sashimono.disassembly.config import SeparateConfig
 from sashimono.disassembly.inquiry import Inquiry
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.paths import hit_by_removal
 from sashimono.disassembly.physics.stage import PhysicsStage
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
@@ -31,6 +32,7 @@ from sashimono.disassembly.translation.contact_normals import ContactNormals
 from sashimono.disassembly.translation.search import TranslationSearch
 from sashimono.disassembly.translation.stage import TranslationStage
 from sashimono.geometry.body import Body
+from sashimono.plan import Answer
 
 __all__ = ["Cascade", "SeparateConfig"]
 
@@ -115,7 +117,26 @@ class Cascade:
         return mask
 
     def _ask(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
-        """What a stage says; recalled where it would say the same again with the tracing steps that are left now."""
+        """Return what a stage knows about a part. Two parts alone come apart by one relative motion.
+
+        So where they are alone, what frees either frees both, and what is proven of either is proven of both.
+        """
+        own = self._recall(stage, part, remaining, max_traced)
+        if own.answer is not Answer.UNKNOWN or remaining.bit_count() != 2:
+            return own
+        other = bits(remaining & ~(1 << part))[0]
+        theirs = self._recall(stage, other, remaining, max(0, max_traced - own.traced))
+        traced, is_cut = own.traced + theirs.traced, own.is_cut or theirs.is_cut
+        if theirs.removal is not None:
+            removal = theirs.removal.of_the_other()
+            hits = hit_by_removal(self.parts, part, removal, bits(self.parts.all_parts & ~remaining))
+            return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=theirs.stage, traced=traced)
+        if theirs.proven_for is not None:
+            return replace(theirs, blocked_by=(other,), traced=traced)
+        return replace(own, traced=traced, is_cut=is_cut)
+
+    def _recall(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
+        """Return what a stage says; from memory where, with the steps that are left now, it would say the same."""
         answers = self._answers.setdefault((stage.name, part, remaining), [])
         for given, said in answers:
             if given == max_traced or said.traced < min(given, max_traced):

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
@@ -206,6 +207,22 @@ class Paths:
         second, steps = march_screw(self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options)
         self.traced += len(probes) + steps
         return scale * second if np.isfinite(second) else first
+
+
+def hit_by_removal(parts: PlacedParts, part: int, removal: Removal, among: Sequence[int]) -> int:
+    """Return the mask of the parts that a removal runs into, to the tolerance of its kind: translations, or turns."""
+    if np.abs(removal.displacements[:, :3, :3] - np.eye(3)).max() > 1e-12:
+        return hit_by_path(parts, part, removal, among, tolerance=parts.tolerances.turning)
+    mask = 0
+    stops = removal.displacements[:, :3, 3]
+    for other in among:
+        for leg, (start, stop) in enumerate(pairwise(stops)):
+            length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
+            direction = (stop - start) / np.linalg.norm(stop - start)
+            if np.isfinite(free_travel(parts, part, start, direction, other, length=length)):
+                mask |= 1 << other
+                break
+    return mask
 
 
 def hit_by_path(parts: PlacedParts, part: int, removal: Removal, among: Sequence[int], *, tolerance: float) -> int:

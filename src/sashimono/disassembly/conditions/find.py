@@ -86,23 +86,30 @@ class _Search:
                 _add(clauses, separation)
                 return Said(clause=separation.hits)
             core = sum(1 << k for k in separation.blocked_by)
-            return Said(core=core, is_proven=separation.proven_for is not None)
+            is_proven = separation.proven_for is not None
+            if not is_proven and any(not clause & core for clause in clauses):
+                core = others  # these alone do not hold it: all that is known is that no motion past all was found
+            return Said(core=core, is_proven=is_proven)
 
         config = self.config
         everything = self.blocking.parts.all_parts & ~(1 << part)
-        enumerated = enumerate_clauses(
-            everything,
-            clauses,
-            ask,
-            gone_with=_Reached(found, part).gone_with if reachable_only else lambda absent: absent,
-            max_queries=config.max_queries,
-            max_unproven=config.max_unproven,
-            max_undecided=config.max_undecided,
-        )
-        for core in enumerated.cores:
-            if core.bit_count() == 1:
-                self._turn_out(part, core, clauses)
-        return enumerated.is_complete
+        while True:
+            enumerated = enumerate_clauses(
+                everything,
+                clauses,
+                ask,
+                gone_with=_Reached(found, part).gone_with if reachable_only else lambda absent: absent,
+                max_queries=config.max_queries,
+                max_unproven=config.max_unproven,
+                max_undecided=config.max_undecided,
+            )
+            known = len(clauses)
+            for core in enumerated.cores:
+                if core.bit_count() == 1:
+                    self._turn_out(part, core, clauses)
+            # a part that turns out may leave sets in which no translation, and no proof, was found
+            if enumerated.is_complete or len(clauses) == known:
+                return enumerated.is_complete
 
     def _turn_out(self, part: int, holder: int, clauses: dict[int, Clause]) -> None:
         """Add the clauses by which a part turns off one that holds it: of both alone, then of all parts."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.paths import hit_by_path
+from sashimono.disassembly.paths import hit_by_removal
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.threads.surface import Threads, search_unscrew
@@ -27,7 +27,7 @@ class ThreadStage:
             reason = "threads ended where the tracing steps were spent" if is_cut else ""
             return Separation(answer=Answer.UNKNOWN, stage=self.name, reason=reason, traced=traced, is_cut=is_cut)
         absent = bits(self.parts.all_parts & ~remaining)
-        hits = hit_by_path(self.parts, part, removal, absent, tolerance=self.parts.tolerances.turning)
+        hits = hit_by_removal(self.parts, part, removal, absent)
         return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=self.name, traced=traced)
 
     def can_recall(self, found: Separation) -> bool:

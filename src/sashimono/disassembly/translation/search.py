@@ -126,19 +126,6 @@ class TranslationSearch:
             self._legs = Legs(self.parts, part, _lines(self.parts, part, self.config.max_directions))
         return self._legs
 
-    def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
-        """Return the mask of the parts that a removal by translations runs into."""
-        mask = 0
-        stops = removal.displacements[:, :3, 3]
-        for other in among:
-            for leg, (start, stop) in enumerate(pairwise(stops)):
-                length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
-                direction = (stop - start) / np.linalg.norm(stop - start)
-                if np.isfinite(free_travel(self.parts, part, start, direction, other, length=length)):
-                    mask |= 1 << other
-                    break
-        return mask
-
     def _space(self, part: int, level: int) -> Space:
         key = (part, level)
         if key not in self._spaces:

@@ -6,6 +6,7 @@ import numpy as np
 
 from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.paths import hit_by_removal
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
@@ -69,7 +70,7 @@ class TranslationStage:
 
     def _free(self, part: int, remaining: int, removal: Removal, *, stage: str) -> Separation:
         absent = bits(self.parts.all_parts & ~remaining)
-        hits = self.search.hit_by(part, removal, absent)
+        hits = hit_by_removal(self.parts, part, removal, absent)
         return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=stage)
 
     def _blocked(self, found: TranslationResult, *, stage: str) -> Separation:
