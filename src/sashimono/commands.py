@@ -37,6 +37,7 @@ def plan_and_write(
     gripper: str = "fingertips",
     grippers: str = "none",
     contacts: bool = True,
+    motion: str = "removal",
     declare_threads: bool = False,
     copy_input: bool = False,
 ) -> int:
@@ -45,6 +46,7 @@ def plan_and_write(
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.read import read_assembly
+    from sashimono.motion import MotionConfig
     from sashimono.pipeline import PipelineConfig, plan_assembly
 
     tool, asked = find_gripper(gripper), find_grippers(grippers)
@@ -59,6 +61,7 @@ def plan_and_write(
             gripper=tool,
             grippers=asked,
             contacts=contacts,
+            motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion)),
         )
         found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
     _write(found, assembly, out, copied=source if copy_input else None)
