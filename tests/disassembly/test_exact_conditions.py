@@ -110,6 +110,12 @@ def test_the_motion_of_the_other_part_is_the_same_relative_one(seed: int) -> Non
     np.testing.assert_allclose(again.exit_direction, removal.exit_direction, atol=1e-12)
 
 
+def test_a_part_between_many_others_costs_no_question_for_each_of_their_sets(truth_folder) -> None:
+    """A ring in the middle of a stack on a rod: one ring above and the rod hold it, whatever else is gone."""
+    conditions = conditions_of(read_assembly(truth_folder / "ring_stack20", unit="mm"))
+    assert conditions.cut_short == ()
+
+
 @pytest.mark.parametrize(("name", "seed"), [("bolt_stack_tilt", 0), ("box_lid", 1), ("peg_facet_mismatch", 2)])
 def test_conditions_do_not_depend_on_how_it_lies(truth_folder, name: str, seed: int) -> None:
     parts = read_assembly(truth_folder / name, unit="mm")

@@ -64,6 +64,9 @@ class OneSided:
             return Separation(answer=Answer.UNKNOWN, stage=self.name, blocked_by=(self.sees,), reason="blind")
         return self.stage.separate(part, remaining, max_traced=max_traced)
 
+    def fewer_holders(self, part: int, holders: int, *, frees: Callable[[int], bool]) -> int:
+        return holders
+
     def can_recall(self, found: Separation) -> bool:
         return self.stage.can_recall(found)
 

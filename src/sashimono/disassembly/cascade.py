@@ -88,6 +88,7 @@ class Cascade:
             self.directions,
             self.inquire(),
             translations=self.translations,
+            fewer_holders=self.translations.fewer_holders,
             physics=self.physics,
             config=self.config,
             reachable_only=reachable_only,

@@ -7,7 +7,8 @@ another one holds by itself, whatever else is gone, may turn its way out: all st
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol, runtime_checkable
 
 from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.blocking.stage import BlockingStage
@@ -22,12 +23,20 @@ from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation, Stage
 
 
+@runtime_checkable
+class FewerHolders(Protocol):
+    """As `TranslationStage.fewer_holders`."""
+
+    def __call__(self, part: int, holders: int, *, frees: Callable[[int], bool]) -> int: ...
+
+
 def find_conditions(
     names: tuple[str, ...],
     directions: BlockingStage,
     inquiry: Inquiry,
     *,
     translations: Stage,
+    fewer_holders: FewerHolders,
     physics: PhysicsStage,
     config: SeparateConfig,
     reachable_only: bool,
@@ -39,12 +48,13 @@ def find_conditions(
         directions: The stage of single translations.
         inquiry: What asks all stages.
         translations: The stage whose proofs decide sets of obstacles.
+        fewer_holders: Makes the sets that these proofs name smaller: a smaller one decides more sets.
         physics: The stage that says which parts a motion hits.
         config: Budgets.
         reachable_only: Ask only about sets that taking the whole apart can leave: orders and next parts are as exact,
             for a fraction of the work.
     """
-    search = _Search(directions.blocking, inquiry, translations, physics, config)
+    search = _Search(directions.blocking, inquiry, translations, fewer_holders, physics, config)
     parts = range(len(directions.blocking))
     found = [single_clauses(directions.blocking, part) for part in parts]
     while True:
@@ -69,16 +79,20 @@ class _Search:
         blocking: Blocking,
         inquiry: Inquiry,
         translations: Stage,
+        fewer_holders: FewerHolders,
         physics: PhysicsStage,
         config: SeparateConfig,
     ) -> None:
         self.blocking, self.inquiry, self.config = blocking, inquiry, config
-        self.translations, self.physics = translations, physics
+        self.translations, self.fewer_holders, self.physics = translations, fewer_holders, physics
         self._turned: dict[tuple[int, int], Removal] = {}
 
     def complete(self, part: int, found: list[dict[int, Clause]], *, reachable_only: bool) -> bool:
         """Add the clauses of the later stages to a part's; return whether these are all, provably, by translations."""
         clauses = found[part]
+
+        def frees(obstacles: int) -> bool:
+            return any(not clause & obstacles for clause in clauses)
 
         def ask(others: int) -> Said:
             separation = self.inquiry.ask(self.translations, part, others | 1 << part)
@@ -87,7 +101,9 @@ class _Search:
                 return Said(clause=separation.hits)
             core = sum(1 << k for k in separation.blocked_by)
             is_proven = separation.proven_for is not None
-            if not is_proven and any(not clause & core for clause in clauses):
+            if is_proven:
+                core = self.fewer_holders(part, core, frees=frees)
+            elif frees(core):
                 core = others  # these alone do not hold it: all that is known is that no motion past all was found
             return Said(core=core, is_proven=is_proven)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sashimono.disassembly.free_travel import free_travel
@@ -60,6 +62,22 @@ class TranslationStage:
         if found.removal is not None:
             return self._free(part, remaining, found.removal, stage=self.name)
         return self._blocked(found, stage=self.name)
+
+    def fewer_holders(self, part: int, holders: int, *, frees: Callable[[int], bool]) -> int:
+        """Return a smaller set of parts that provably hold a part, out of one that does; the same if none is proven.
+
+        Args:
+            part: The part that is held.
+            holders: Mask of the parts that hold it, as was proven.
+            frees: Whether a set of parts is known to let the part go: such a set is not looked at.
+        """
+        for other in reversed(bits(holders)):
+            rest = holders & ~(1 << other)
+            if rest and rest != holders and not frees(rest):
+                found = self.search.caged(part, bits(rest))
+                if found.proven:
+                    holders = sum(1 << k for k in found.blocked_by)
+        return holders
 
     def can_recall(self, found: Separation) -> bool:
         return True
