@@ -56,7 +56,7 @@ def clauses_of(parts: Assembly) -> dict[str, set[frozenset[str]]]:
 def test_a_peg_leaves_along_its_hole_only(clearance: float) -> None:
     parts = peg_in_plate(clearance)
     blocking = cascade_of(parts).blocking
-    free = [blocking.direction(s) for s in range(blocking.count_signed) if blocking.is_free(1, s, 0b01)]
+    free = [blocking.direction(s) for s in range(blocking.count_directions) if blocking.is_free(1, s, 0b01)]
     assert len(free) == 2
     np.testing.assert_allclose(np.abs(np.array(free)), [[0.0, 0.0, 1.0]] * 2, atol=1e-12)
 
@@ -91,7 +91,7 @@ def test_a_ball_in_a_fitting_socket_is_proven_blocked() -> None:
 def test_two_translations_where_one_is_not_enough() -> None:
     parts = l_tunnel()
     cascade = cascade_of(parts)
-    assert not any(cascade.blocking.is_free(1, s, 0b01) for s in range(cascade.blocking.count_signed) if s % 2 == 0)
+    assert not any(cascade.blocking.is_free(1, s, 0b01) for s in range(cascade.blocking.count_directions) if s % 2 == 0)
     separation = cascade.translations.separate(1, 0b11, max_traced=0)
     assert separation.answer is Answer.FREE
     assert separation.removal is not None
@@ -191,7 +191,7 @@ def test_a_thin_washer_is_not_jumped() -> None:
     washer = rod(0.012, 0.0002, (0.0, 0.0, 0.0149)) - rod(0.0051, 0.01, (0.0, 0.0, 0.0149))
     parts = assembly(bolt=bolt, washer=washer)
     blocking = cascade_of(parts).blocking
-    free = [blocking.direction(s)[2] for s in range(blocking.count_signed) if blocking.is_free(0, s, 0b10)]
+    free = [blocking.direction(s)[2] for s in range(blocking.count_directions) if blocking.is_free(0, s, 0b10)]
     assert free == [1.0]
 
 
@@ -213,7 +213,7 @@ def test_removal_ends_clear_of_what_stays() -> None:
 def test_dovetailed_halves_slide_one_way_only() -> None:
     lower, upper = sliding_halves((0.04, 0.03, 0.02))
     blocking = cascade_of(assembly(lower=lower, upper=upper)).blocking
-    free = [blocking.direction(s) for s in range(blocking.count_signed) if blocking.is_free(1, s, 0b01)]
+    free = [blocking.direction(s) for s in range(blocking.count_directions) if blocking.is_free(1, s, 0b01)]
     np.testing.assert_allclose(np.abs(np.array(free)), [[1.0, 0.0, 0.0]] * 2, atol=1e-12)
 
 
@@ -253,7 +253,7 @@ def test_a_group_refused_is_not_taken_again() -> None:
     first = find_disassembly(cascade, config=SequenceConfig()).removals[0]
     second = find_disassembly(cascade, config=SequenceConfig(), refused=frozenset({first.refusal})).removals[0]
     assert second.members == first.members
-    assert second.separation.signed != first.separation.signed
+    assert second.separation.direction_index != first.separation.direction_index
 
 
 @settings(max_examples=8)
@@ -288,9 +288,9 @@ def test_adding_an_obstacle_never_frees_a_part(seed: int) -> None:
     cascade = cascade_of(assembly(**solids))
     blocking = cascade.blocking
     for part in range(3):
-        for signed in range(blocking.count_signed):
-            if blocking.is_free(part, signed, 0b111):
-                assert all(blocking.is_free(part, signed, among) for among in range(8))
+        for direction_index in range(blocking.count_directions):
+            if blocking.is_free(part, direction_index, 0b111):
+                assert all(blocking.is_free(part, direction_index, among) for among in range(8))
 
 
 def test_minimal_keeps_no_superset() -> None:
@@ -344,8 +344,10 @@ def test_a_part_whose_motion_was_refused_is_still_spoken_of() -> None:
     """Nothing is lost between the levels: what may not leave any more is stuck, with a reason."""
     parts = peg_in_plate()
     cascade = cascade_of(parts)
-    every = [None, *range(cascade.blocking.count_signed)]
-    refused = frozenset(Refusal(members=1 << part, signed=signed) for part in range(2) for signed in every)
+    every = [None, *range(cascade.blocking.count_directions)]
+    refused = frozenset(
+        Refusal(members=1 << part, direction_index=direction_index) for part in range(2) for direction_index in every
+    )
     result = find_disassembly(cascade, config=SequenceConfig(), refused=refused)
     assert result.removals == ()
     ((part, separation),) = result.stuck

@@ -16,7 +16,7 @@ from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
 from sashimono.disassembly.translation.flood import label
-from sashimono.disassembly.translation.meeting import Drawn, SceneBuilder, shell
+from sashimono.disassembly.translation.lattice_scene import Drawn, LatticeSceneBuilder, shell
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
 
@@ -143,7 +143,7 @@ def test_the_points_that_are_kept_tell_what_all_points_would(seed: int, most: in
     solid.ravel()[0] = True
     window = np.array([4, 4, 4])
     part = Drawn(np.pad(solid, 1), np.full(3, -1))
-    scene = SceneBuilder(window, 3, max_points=most)
+    scene = LatticeSceneBuilder(window, 3, max_points=most)
     room = sizes + window - 1
     obstacles = []
     for bit in range(3):

@@ -31,9 +31,9 @@ def said(separation: Separation) -> tuple[Any, ...]:
 def relation(cascade: Cascade) -> list[tuple[Any, ...]]:
     blocking = cascade.blocking
     return [
-        (part, signed, blocking.masks(part, signed), blocking.blockers(part, signed))
+        (part, direction_index, blocking.masks(part, direction_index), blocking.blockers(part, direction_index))
         for part in range(len(blocking))
-        for signed in range(blocking.count_signed)
+        for direction_index in range(blocking.count_directions)
     ]
 
 

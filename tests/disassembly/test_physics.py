@@ -19,7 +19,7 @@ from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.geometry import se3
 from sashimono.geometry.body import SampleConfig
-from sashimono.geometry.distance.screw import Screw, adjoint, between, march_screw
+from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between
 from sashimono.io.read import read_assembly
 
 SOLVER = {"friction": 0.2, "iterations": 200, "tolerance": 1e-9}
@@ -75,10 +75,10 @@ def test_marching_along_a_screw_stops_where_the_distance_says() -> None:
     # a half turn about (0.0201, 0, 0) passes the wall, whose face is at x = 0.01; one about (0.019, 0, 0) does not
     options = {"limit": 1e-6, "least_step": 1e-6}
     past = adjoint(se3.make(None, np.array([0.0201, 0.0, 0.0])), about_z)
-    assert np.isinf(march_screw(field, point, past, **options)[0])
+    assert np.isinf(advance_along_screw(field, point, past, **options)[0])
     twist = adjoint(se3.make(None, np.array([0.019, 0.0, 0.0])), about_z)
     met = np.arccos(-9.0 / 11.0) / np.pi
-    assert march_screw(field, point, twist, **options)[0] == pytest.approx(met, abs=1e-3)
+    assert advance_along_screw(field, point, twist, **options)[0] == pytest.approx(met, abs=1e-3)
     screw = Screw.of(twist)
     np.testing.assert_allclose(screw.axis, [0.0, 0.0, 1.0], atol=1e-12)
     assert screw.pitch == pytest.approx(0.001 / np.pi)
@@ -99,7 +99,7 @@ def test_marching_along_a_screw_agrees_with_looking_everywhere(seed: int) -> Non
             twist[3:] = [0.0, 0.0, rng.uniform(0.5, 2.0)]
         path = np.array([se3.apply(se3.exp(u * twist), start[None])[0] for u in np.linspace(0.0, 1.0, looks)])
         deep = np.flatnonzero(-field.query(path) > limit)
-        found, _ = march_screw(field, start[None], twist, limit=limit, least_step=step)
+        found, _ = advance_along_screw(field, start[None], twist, limit=limit, least_step=step)
         if not len(deep):
             assert np.isinf(found)
         elif np.isfinite(found):

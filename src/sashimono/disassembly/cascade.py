@@ -94,7 +94,7 @@ class Cascade:
             reachable_only=reachable_only,
         )
 
-    def turned(self, part: int, remaining: int, separation: Separation) -> Separation:
+    def with_declared_thread(self, part: int, remaining: int, separation: Separation) -> Separation:
         """Return a separation by one translation as one by a declared thread, where the part has one; else as it is."""
         if not self.config.declare.enabled or separation.removal is None:
             return separation

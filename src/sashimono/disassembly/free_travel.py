@@ -13,7 +13,7 @@ from jaxtyping import Float
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body, mutual_depth
-from sashimono.geometry.distance.march import march
+from sashimono.geometry.distance.advancement import advance_straight
 
 
 def free_travel(
@@ -111,10 +111,12 @@ def _advance_both(
 ) -> float:
     """Return how far a goes in b's frame before a probe of either is too deep in the other; infinite if it passes."""
     points = se3.apply(T_b_a, a.probes)
-    first = march(b.signed_distance, points, along_b, length=length, limit=limit, least_step=least_step)
+    first = advance_straight(b.signed_distance, points, along_b, length=length, limit=limit, least_step=least_step)
     if first == 0.0:
         return 0.0
     T_a_b = se3.inverse(T_b_a)
     points, back = se3.apply(T_a_b, b.probes), -(T_a_b[:3, :3] @ along_b)
     length = min(length, first)
-    return min(first, march(a.signed_distance, points, back, length=length, limit=limit, least_step=least_step))
+    return min(
+        first, advance_straight(a.signed_distance, points, back, length=length, limit=limit, least_step=least_step)
+    )

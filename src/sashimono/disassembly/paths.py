@@ -13,7 +13,7 @@ from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.body import mutual_depth
-from sashimono.geometry.distance.screw import Screw, adjoint, between, march_screw
+from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between
 
 _STRIDES = (16, 1)
 """Some probes are followed first, as most legs that are blocked are blocked for these; all have the last word."""
@@ -64,7 +64,9 @@ class Paths:
                     return 0.0, stopper
         return scale, stopper
 
-    def halt(self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]) -> tuple[float, int | None]:
+    def advance_to_contact(
+        self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]
+    ) -> tuple[float, int | None]:
         """Return as `advance` does, but kept back so that the part just touches what stops it."""
         u, stopper = self.advance(D, twist)
         if stopper is None:
@@ -197,14 +199,16 @@ class Paths:
         T_a_b = se3.inverse(T_b_a)
         along_b = adjoint(T_b_world, twist)
         probes = se3.apply(T_b_a, self.body.probes[::stride])
-        first, steps = march_screw(b.signed_distance, probes, along_b, **options)
+        first, steps = advance_along_screw(b.signed_distance, probes, along_b, **options)
         self.traced += len(probes) + steps
         if first == 0.0:
             return 0.0
         scale = first if np.isfinite(first) else 1.0
         # seen from the part, the other moves the opposite way
         probes = se3.apply(T_a_b, b.probes[::stride])
-        second, steps = march_screw(self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options)
+        second, steps = advance_along_screw(
+            self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options
+        )
         self.traced += len(probes) + steps
         return scale * second if np.isfinite(second) else first
 

@@ -39,7 +39,7 @@ class Separation:
     """The witness, where the answer is FREE."""
     hits: int = 0
     """Parts that were not among the obstacles and that it would run into (a mask)."""
-    signed: int | None = None
+    direction_index: int | None = None
     """Its direction in the blocking relation, where it is one of them."""
     declared: DeclaredThread | None = None
     """The thread by which it is turned out, where one was declared."""

@@ -18,7 +18,7 @@ from sashimono.view.config import ViewConfig
 from sashimono.view.files import write_whole
 from sashimono.view.html import render_page
 from sashimono.view.playback import UP
-from sashimono.view.scene import Packer, Scene, pack_mesh, pose_rows
+from sashimono.view.scene import Packer, ViewerScene, pack_mesh, pose_rows
 from sashimono.view.shapes import make_shapes
 
 SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.js", "explain.js")
@@ -63,7 +63,7 @@ def _direction(found: Explanation, entry: BlockedDirection, assembly: Assembly, 
     }
 
 
-def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, config: ViewConfig) -> Scene:
+def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, config: ViewConfig) -> ViewerScene:
     """Return the explanations and the geometry, ready to be put into the page."""
     shapes = make_shapes(assembly.parts, config)
     packer = Packer()
@@ -97,7 +97,7 @@ def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, con
             for entry in found
         ],
     }
-    return Scene(json=json, geometry=packer.content())
+    return ViewerScene(json=json, geometry=packer.content())
 
 
 def write_explanation(

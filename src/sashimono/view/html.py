@@ -13,7 +13,7 @@ from sashimono.assembly import Assembly
 from sashimono.plan import AssemblyPlan
 from sashimono.view.config import ViewConfig
 from sashimono.view.files import write_whole
-from sashimono.view.scene import Scene, make_scene
+from sashimono.view.scene import ViewerScene, make_scene
 
 SCRIPTS = (
     "se3.js", "data.js", "timeline.js", "bodies.js", "contacts.js", "stage.js", "outline.js", "panel.js", "main.js",
@@ -37,7 +37,7 @@ def render_html(plan: AssemblyPlan, assembly: Assembly, *, config: ViewConfig | 
     return render_page(scene, title=f"{scene.json['title']} · assembly plan", scripts=SCRIPTS)
 
 
-def render_page(scene: Scene, *, title: str, scripts: Sequence[str]) -> str:
+def render_page(scene: ViewerScene, *, title: str, scripts: Sequence[str]) -> str:
     """Return one self-contained page that shows a scene with these scripts of the ``viewer`` folder."""
     own = "\n".join(_asset(name) for name in scripts)
     pieces = {

@@ -23,7 +23,7 @@ from sashimono.view.timeline import StepTiming, make_timeline
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class ViewerScene:
     """What the page shows."""
 
     json: Mapping[str, Any]
@@ -175,7 +175,7 @@ def _unsolved(plan: AssemblyPlan, assembly: Assembly) -> list[dict[str, Any]]:
     return rows
 
 
-def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Scene:
+def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> ViewerScene:
     """Return the plan and its geometry, ready to be put into the page."""
     shapes = make_shapes(assembly.parts, config)
     played = played_steps(plan, assembly, config)
@@ -197,4 +197,4 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Sc
         "unsolved": _unsolved(plan, assembly),
         "notes": notes,
     }
-    return Scene(json=json, geometry=packer.content())
+    return ViewerScene(json=json, geometry=packer.content())

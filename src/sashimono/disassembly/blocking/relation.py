@@ -44,7 +44,7 @@ class Blocking:
     """The blocking relation of placed parts over their lines, worked out as it is asked for.
 
     A pure function of the parts and the configuration: what was asked before changes how fast an
-    answer comes, never what it is. Signed direction ``2 k`` is ``+lines[k]``, ``2 k + 1`` the
+    answer comes, never what it is. Direction ``2 k`` is ``+lines[k]``, ``2 k + 1`` the
     opposite. Part sets are bit masks: bit i is ``assembly.parts[i]``.
     """
 
@@ -63,60 +63,60 @@ class Blocking:
         self._passes: dict[tuple[int, int, int], bool] = {}
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
         self._stopped: dict[tuple[int, int], int] = {}
-        """By part and signed direction: parts that any look has found to stop it so far. Only a short cut to a no."""
+        """By part and direction: parts that any look has found to stop it so far. Only a short cut to a no."""
 
     def __len__(self) -> int:
         return len(self.parts)
 
     @property
-    def count_signed(self) -> int:
-        """How many signed directions there are."""
+    def count_directions(self) -> int:
+        """How many directions there are."""
         return 2 * len(self.lines)
 
-    def direction(self, signed: int) -> Float[np.ndarray, "3"]:
-        """Return the unit vector of a signed direction."""
-        line = self.lines[signed // 2]
-        return line if signed % 2 == 0 else -line
+    def direction(self, direction_index: int) -> Float[np.ndarray, "3"]:
+        """Return the unit vector of a direction."""
+        line = self.lines[direction_index // 2]
+        return line if direction_index % 2 == 0 else -line
 
-    def masks(self, part: int, signed: int) -> tuple[int, int]:
-        """Return the parts that by the coarse maps block this part along a signed direction, and those left open."""
-        key = (part, signed)
+    def masks(self, part: int, direction_index: int) -> tuple[int, int]:
+        """Return the parts that by the coarse maps block this part along a direction, and those left open."""
+        key = (part, direction_index)
         if key not in self._masks:
-            classes = self._coarse[signed // 2]
-            row = classes[part] if signed % 2 == 0 else classes[:, part]
+            classes = self._coarse[direction_index // 2]
+            row = classes[part] if direction_index % 2 == 0 else classes[:, part]
             self._masks[key] = (_mask(row == depth_maps.BLOCKED), _mask(row == depth_maps.OPEN))
         return self._masks[key]
 
-    def blockers(self, part: int, signed: int, among: int | None = None) -> int:
-        """Return the mask of the parts, among those given, that by the maps stop this part along a signed direction.
+    def blockers(self, part: int, direction_index: int, among: int | None = None) -> int:
+        """Return the mask of the parts, among those given, that by the maps stop this part along a direction.
 
         Coarse maps, and fine ones where those leave it open; tracing (`passes`) may find more.
         """
-        blocked, unclear = self.masks(part, signed)
+        blocked, unclear = self.masks(part, direction_index)
         if among is not None:
             blocked, unclear = blocked & among, unclear & among
         while unclear:
             other = (unclear & -unclear).bit_length() - 1
             unclear &= unclear - 1
-            if self.is_blocked_by(part, signed, other):
+            if self.is_blocked_by(part, direction_index, other):
                 blocked |= 1 << other
         return blocked
 
-    def is_free(self, part: int, signed: int, among: int) -> bool:
-        """Return whether this part can go to infinity along a signed direction past all of ``among``."""
+    def is_free(self, part: int, direction_index: int, among: int) -> bool:
+        """Return whether this part can go to infinity along a direction past all of ``among``."""
         among &= ~(1 << part)
-        blocked, unclear = self.masks(part, signed)
-        if (blocked | self._stopped.get((part, signed), 0)) & among:
+        blocked, unclear = self.masks(part, direction_index)
+        if (blocked | self._stopped.get((part, direction_index), 0)) & among:
             return False
         for other in bits(unclear & among):
-            if self.is_blocked_by(part, signed, other):
+            if self.is_blocked_by(part, direction_index, other):
                 return False
-        return all(self.passes(part, signed, other) for other in bits(among))
+        return all(self.passes(part, direction_index, other) for other in bits(among))
 
-    def is_blocked_by(self, part: int, signed: int, other: int) -> bool:
+    def is_blocked_by(self, part: int, direction_index: int, other: int) -> bool:
         """Return whether ``other`` stops this part, by the maps (second look where the first left it open)."""
-        line = signed // 2
-        a, b = (part, other) if signed % 2 == 0 else (other, part)
+        line = direction_index // 2
+        a, b = (part, other) if direction_index % 2 == 0 else (other, part)
         classes = self._coarse[line]
         if classes[a, b] != depth_maps.OPEN:
             return bool(classes[a, b] == depth_maps.BLOCKED)
@@ -134,10 +134,10 @@ class Blocking:
                     self._note_stop(line, x, y)
         return self._fine[line, a, b]
 
-    def passes(self, part: int, signed: int, other: int) -> bool:
+    def passes(self, part: int, direction_index: int, other: int) -> bool:
         """Return whether sphere tracing lets this part pass ``other``."""
-        line = signed // 2
-        a, b = (part, other) if signed % 2 == 0 else (other, part)
+        line = direction_index // 2
+        a, b = (part, other) if direction_index % 2 == 0 else (other, part)
         key = (line, a, b)
         if key not in self._passes:
             self._passes[key] = self._slides_past(line, a, b) or bool(
@@ -185,8 +185,8 @@ class Blocking:
 
     def _note_stop(self, line: int, a: int, b: int) -> None:
         """Take down that b stops a along a line; then a stops b the other way."""
-        for part, signed, other in ((a, 2 * line, b), (b, 2 * line + 1, a)):
-            self._stopped[part, signed] = self._stopped.get((part, signed), 0) | 1 << other
+        for part, direction_index, other in ((a, 2 * line, b), (b, 2 * line + 1, a)):
+            self._stopped[part, direction_index] = self._stopped.get((part, direction_index), 0) | 1 << other
 
 
 def _mask(row: Bool[np.ndarray, "part"]) -> int:

@@ -43,16 +43,16 @@ class BlockingStage:
             remaining: Mask of the parts that are there.
             preference: Of a unit direction; the highest is tried first.
             refused: Ways out that are not to be given.
-            among: The signed directions that are asked for; all if None.
+            among: The directions that are asked for; all if None.
         """
         others = remaining & ~(1 << part)
         blocking = self.blocking
-        asked = range(blocking.count_signed) if among is None else among
-        for signed in sorted(asked, key=lambda s: (-round(preference(blocking.direction(s)), 6), s)):
-            is_refused = Refusal(members=1 << part, signed=signed) in refused
-            if not is_refused and blocking.is_free(part, signed, others):
-                removal = blocking.parts.straight_removal(1 << part, others, blocking.direction(signed))
-                return Separation(answer=Answer.FREE, removal=removal, signed=signed, stage=self.name)
+        asked = range(blocking.count_directions) if among is None else among
+        for direction_index in sorted(asked, key=lambda s: (-round(preference(blocking.direction(s)), 6), s)):
+            is_refused = Refusal(members=1 << part, direction_index=direction_index) in refused
+            if not is_refused and blocking.is_free(part, direction_index, others):
+                removal = blocking.parts.straight_removal(1 << part, others, blocking.direction(direction_index))
+                return Separation(answer=Answer.FREE, removal=removal, direction_index=direction_index, stage=self.name)
         return None
 
     def can_recall(self, found: Separation) -> bool:

@@ -15,7 +15,7 @@ from sashimono.disassembly.conditions.clauses import minimal
 
 
 @dataclass(frozen=True, kw_only=True)
-class Said:
+class SetAnswer:
     """What is said of one set of obstacles."""
 
     clause: int | None = None
@@ -42,7 +42,7 @@ class Enumeration:
 def enumerate_clauses(
     everything: int,
     known: Iterable[int],
-    ask: Callable[[int], Said],
+    ask: Callable[[int], SetAnswer],
     *,
     gone_with: Callable[[int], int | None] = lambda absent: absent,
     max_queries: int,

@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.blocking.stage import BlockingStage
 from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
-from sashimono.disassembly.conditions.enumeration import Said, enumerate_clauses
+from sashimono.disassembly.conditions.enumeration import SetAnswer, enumerate_clauses
 from sashimono.disassembly.conditions.systems import remainder
 from sashimono.disassembly.config import SeparateConfig
 from sashimono.disassembly.inquiry import Inquiry
@@ -56,7 +56,7 @@ def find_conditions(
     """
     search = _Search(directions.blocking, inquiry, translations, fewer_holders, physics, config)
     parts = range(len(directions.blocking))
-    found = [single_clauses(directions.blocking, part) for part in parts]
+    found = [blocking_clauses(directions.blocking, part) for part in parts]
     while True:
         known = [frozenset(minimal(clauses)) for clauses in found]
         complete = [search.complete(part, found, reachable_only=reachable_only) for part in parts]
@@ -85,7 +85,7 @@ class _Search:
     ) -> None:
         self.blocking, self.inquiry, self.config = blocking, inquiry, config
         self.translations, self.fewer_holders, self.physics = translations, fewer_holders, physics
-        self._turned: dict[tuple[int, int], Removal] = {}
+        self._relative_motions: dict[tuple[int, int], Removal] = {}
 
     def complete(self, part: int, found: list[dict[int, Clause]], *, reachable_only: bool) -> bool:
         """Add the clauses of the later stages to a part's; return whether these are all, provably, by translations."""
@@ -94,18 +94,18 @@ class _Search:
         def frees(obstacles: int) -> bool:
             return any(not clause & obstacles for clause in clauses)
 
-        def ask(others: int) -> Said:
+        def ask(others: int) -> SetAnswer:
             separation = self.inquiry.ask(self.translations, part, others | 1 << part)
             if separation.removal is not None:
                 _add(clauses, separation)
-                return Said(clause=separation.hits)
+                return SetAnswer(clause=separation.hits)
             core = sum(1 << k for k in separation.blocked_by)
             is_proven = separation.proven_for is not None
             if is_proven:
                 core = self.fewer_holders(part, core, frees=frees)
             elif frees(core):
                 core = others  # these alone do not hold it: all that is known is that no motion past all was found
-            return Said(core=core, is_proven=is_proven)
+            return SetAnswer(core=core, is_proven=is_proven)
 
         config = self.config
         everything = self.blocking.parts.all_parts & ~(1 << part)
@@ -122,16 +122,16 @@ class _Search:
             known = len(clauses)
             for core in enumerated.cores:
                 if core.bit_count() == 1:
-                    self._turn_out(part, core, clauses)
+                    self._separate_pair(part, core, clauses)
             # a part that turns out may leave sets in which no translation, and no proof, was found
             if enumerated.is_complete or len(clauses) == known:
                 return enumerated.is_complete
 
-    def _turn_out(self, part: int, holder: int, clauses: dict[int, Clause]) -> None:
+    def _separate_pair(self, part: int, holder: int, clauses: dict[int, Clause]) -> None:
         """Add the clauses by which a part turns off one that holds it: of both alone, then of all parts."""
         other = holder.bit_length() - 1
-        if (other, part) in self._turned:  # the two come apart by one relative motion, whichever moves
-            removal = self._turned[other, part].of_the_other()
+        if (other, part) in self._relative_motions:  # the two come apart by one relative motion, whichever moves
+            removal = self._relative_motions[other, part].of_the_other()
             self.inquiry.remember(part, self.physics.witness(part, holder, removal))
         for remaining in (holder | 1 << part, self.blocking.parts.all_parts):
             if any(not mask & remaining for mask in clauses):
@@ -141,31 +141,31 @@ class _Search:
             if separation.removal is None:
                 return
             _add(clauses, separation)
-            self._turned.setdefault((part, other), separation.removal)
+            self._relative_motions.setdefault((part, other), separation.removal)
 
 
-def single_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
-    """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
+def blocking_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
+    """Blocker masks over all directions, traced ones only, dominated ones dropped early."""
     others = blocking.parts.all_parts & ~(1 << part)
     kept: dict[int, int] = {}
-    masks = [blocking.masks(part, signed) for signed in range(blocking.count_signed)]
+    masks = [blocking.masks(part, direction_index) for direction_index in range(blocking.count_directions)]
     order = sorted(range(len(masks)), key=lambda s: (masks[s][0].bit_count() + masks[s][1].bit_count(), s))
-    for signed in order:
-        blocked, unclear = blocking.masks(part, signed)
+    for direction_index in order:
+        blocked, unclear = blocking.masks(part, direction_index)
         for other in bits(unclear):
             if any(mask & blocked == mask for mask in kept):
                 break
-            if blocking.is_blocked_by(part, signed, other):
+            if blocking.is_blocked_by(part, direction_index, other):
                 blocked |= 1 << other
         for other in bits(others & ~blocked):
             if any(mask & blocked == mask for mask in kept):
                 break
-            if not blocking.passes(part, signed, other):
+            if not blocking.passes(part, direction_index, other):
                 blocked |= 1 << other
         if any(mask & blocked == mask for mask in kept):
             continue
         kept = {mask: by for mask, by in kept.items() if blocked & mask != blocked}
-        kept[blocked] = signed
+        kept[blocked] = direction_index
     return {
         mask: Clause(
             blockers=mask,

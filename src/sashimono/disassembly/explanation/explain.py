@@ -128,7 +128,10 @@ def explain_part(
     masks = _blockers_by_direction(cascade, mover, others)
     sets = minimal(masks.values())
     telling = _telling_directions(cascade, masks, sets, config)
-    directions = [_blocked_direction(cascade, mover, signed, masks[signed], config) for signed in telling]
+    directions = [
+        _blocked_direction(cascade, mover, direction_index, masks[direction_index], config)
+        for direction_index in telling
+    ]
     met = {blocker.part for entry in directions for blocker in entry.blockers}
     easy = min(directions, key=lambda d: d.change, default=None)
     if easy is not None and not _is_small(cascade, mover, easy, config):
@@ -184,29 +187,32 @@ def _knots(apart: DisassemblyResult) -> Iterator[set[int]]:
 def _telling_directions(
     cascade: Cascade, masks: dict[int, int], sets: Sequence[int], config: ExplainConfig
 ) -> list[int]:
-    """The signed directions worth reporting."""
+    """The directions worth reporting."""
     direction = cascade.blocking.direction
     chosen: list[int] = []
-    for signed in sorted(masks, key=lambda s: (masks[s] not in sets, masks[s].bit_count(), s)):
-        mask = masks[signed]
-        if any(masks[c] == mask and direction(c) @ direction(signed) > config.alike for c in chosen):
+    for direction_index in sorted(masks, key=lambda s: (masks[s] not in sets, masks[s].bit_count(), s)):
+        mask = masks[direction_index]
+        if any(masks[c] == mask and direction(c) @ direction(direction_index) > config.alike for c in chosen):
             continue
-        chosen.append(signed)
+        chosen.append(direction_index)
     # one for each smallest set comes first: they are what can be acted on
     first = [next(c for c in chosen if masks[c] == mask) for mask in sets]
     return [*first, *(c for c in chosen if c not in first)][: config.directions]
 
 
 def _blockers_by_direction(cascade: Cascade, part: int, others: int) -> dict[int, int]:
-    """Blocker masks by signed direction; the last, costly look only where no other direction needs fewer."""
+    """Blocker masks by direction; the last, costly look only where no other direction needs fewer."""
     blocking = cascade.blocking
     masks: dict[int, int] = {}
-    rough = {signed: blocking.blockers(part, signed, others) for signed in range(blocking.count_signed)}
-    for signed in sorted(rough, key=lambda s: (rough[s].bit_count(), s)):
-        mask = rough[signed]
+    rough = {
+        direction_index: blocking.blockers(part, direction_index, others)
+        for direction_index in range(blocking.count_directions)
+    }
+    for direction_index in sorted(rough, key=lambda s: (rough[s].bit_count(), s)):
+        mask = rough[direction_index]
         if not any(known & mask == known for known in masks.values()):
-            mask |= sum(1 << k for k in bits(others & ~mask) if not blocking.passes(part, signed, k))
-        masks[signed] = mask
+            mask |= sum(1 << k for k in bits(others & ~mask) if not blocking.passes(part, direction_index, k))
+        masks[direction_index] = mask
     return masks
 
 
@@ -233,9 +239,11 @@ def _leaving_before(cascade: Cascade, inquiry: Inquiry, part: int, others: int, 
     return others & ~remaining
 
 
-def _blocked_direction(cascade: Cascade, part: int, signed: int, mask: int, config: ExplainConfig) -> BlockedDirection:
+def _blocked_direction(
+    cascade: Cascade, part: int, direction_index: int, mask: int, config: ExplainConfig
+) -> BlockedDirection:
     parts = cascade.parts
-    direction = cascade.blocking.direction(signed)
+    direction = cascade.blocking.direction(direction_index)
     blockers = []
     for other in bits(mask):
         size = parts.smaller_size(part, other)

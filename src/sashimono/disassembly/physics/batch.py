@@ -86,7 +86,7 @@ class BatchSimulator:
         self._centers = self._array([b.center * self._scale for b in parts.bodies], wp.vec3)
         self._radii = self._array([b.radius * self._scale for b in parts.bodies], float)
         self._sizes = self._array(parts.sizes * self._scale, float)
-        self._allowances = self._array(parts.overlaps * self._scale, float)
+        self._overlaps = self._array(parts.overlaps * self._scale, float)
 
     def simulate(self, pushes: Sequence[Push]) -> list[Simulated]:
         """Return where each push leads: the checked part of its path, and the way out if it found one."""
@@ -127,7 +127,7 @@ class BatchSimulator:
             wp.launch(
                 find_contacts, dim=(count, slots), device=self.device,
                 inputs=[moving, others_device, displacement, done, self._assembled, self._ids, self._centers,
-                        self._sizes, self._allowances, self._samples, self._normals, config.contact.gap,
+                        self._sizes, self._overlaps, self._samples, self._normals, config.contact.gap,
                         config.contact.slippage.facing],
                 outputs=[gaps, normals, arms],
             )  # fmt: skip

@@ -197,7 +197,7 @@ def _farthest(
     best = (twists[0], 0.0, None)
     far = -1.0
     for twist in twists:
-        u, stopper = paths.halt(D, twist)
+        u, stopper = paths.advance_to_contact(D, twist)
         if stopper is None:
             return twist, u, None
         way = u * paths.rate(D, twist)

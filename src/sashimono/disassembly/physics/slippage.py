@@ -81,8 +81,8 @@ def free_twists(paths: Paths, D: Float[np.ndarray, "4 4"], *, config: SlippageCo
         if len(rows) < 6:
             continue
         for twist in _null_twists(rows, config.free):
-            for signed in (twist, -twist):
-                refined = snapped(rows, _refined(rows, signed, config), paths.parts.lines, config=config)
+            for start in (twist, -twist):
+                refined = snapped(rows, _refined(rows, start, config), paths.parts.lines, config=config)
                 refined /= np.linalg.norm(refined)
                 if all(np.linalg.norm(refined - known) > 0.02 for known in found):
                     found.append(refined)

@@ -21,7 +21,7 @@ from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
-from sashimono.disassembly.sequence.reasons import VerdictConfig, worded
+from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
 from sashimono.plan import Answer
 
 
@@ -87,7 +87,7 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
     stuck = [(part, known) for part, known in said.items() if part != protected]
     parts, config = chooser.cascade.parts, chooser.config.verdict
     return DisassemblyResult(
-        base=protected, removals=tuple(removals), stuck=worded(parts, remaining, stuck, config=config)
+        base=protected, removals=tuple(removals), stuck=add_reasons(parts, remaining, stuck, config=config)
     )
 
 
@@ -146,7 +146,7 @@ class _Chooser:
 
         return worth
 
-    def single_free(self, part: int, remaining: int) -> bool:
+    def leaves_by_one_translation(self, part: int, remaining: int) -> bool:
         worth = self.preference(None)
         return self.cascade.directions.along(part, remaining, preference=worth, refused=self.refused) is not None
 
@@ -158,8 +158,10 @@ class _Chooser:
         All parts are asked about by one stage before any is by the next, which costs more.
         """
         said: dict[int, Separation] = {}
-        choice = self.next_proposed(remaining, protected, last) or self.next_single(remaining, protected, last)
-        if choice is None and self.single_free(protected, remaining):
+        choice = self.next_proposed(remaining, protected, last) or self.next_by_one_translation(
+            remaining, protected, last
+        )
+        if choice is None and self.leaves_by_one_translation(protected, remaining):
             # the base itself can go: keep another one instead, the best of those that are left
             return self.next(remaining, self.base_among(remaining & ~(1 << protected)), last)
         for stage in self.later_stages:
@@ -168,7 +170,7 @@ class _Chooser:
             if stage is self.cascade.groups:
                 choice = self.next_subassembly(remaining, protected)
             else:
-                choice = self.next_further(stage, remaining, protected, said)
+                choice = self.next_by_stage(stage, remaining, protected, said)
         return choice, protected, said
 
     def next_proposed(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
@@ -187,31 +189,33 @@ class _Chooser:
 
     def _is_refused(self, part: int) -> bool:
         """Whether what the later stages found for a part was refused."""
-        return Refusal(members=1 << part, signed=None) in self.refused
+        return Refusal(members=1 << part, direction_index=None) in self.refused
 
-    def next_single(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
+    def next_by_one_translation(
+        self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None
+    ) -> Departure | None:
         """The best part and direction of those that one translation frees, by what tracing says of them.
 
         Who can leave without ploughing through what he overlaps goes first, and that way. Candidates that the maps
         leave are traced the best first, so that only those better than the answer are traced in vain.
         """
         blocking, worth = self.cascade.blocking, self.preference(last)
-        worths = [worth(blocking.direction(signed)) for signed in range(blocking.count_signed)]
+        worths = [worth(blocking.direction(direction_index)) for direction_index in range(blocking.count_directions)]
         ranked = []
         for part in bits(remaining & ~(1 << protected)):
             others = remaining & ~(1 << part)
-            open_ways = [s for s in range(blocking.count_signed) if not blocking.masks(part, s)[0] & others]
+            open_ways = [s for s in range(blocking.count_directions) if not blocking.masks(part, s)[0] & others]
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
-            for ploughs, signed in self._by_ploughing(part, others, open_ways):
-                ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in signed]
-        for _, _, part, signed in sorted(ranked):
+            for ploughs, direction_index in self._by_ploughing(part, others, open_ways):
+                ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in direction_index]
+        for _, _, part, direction_index in sorted(ranked):
             separation = self.cascade.directions.along(
-                part, remaining, preference=worth, refused=self.refused, among=(signed,)
+                part, remaining, preference=worth, refused=self.refused, among=(direction_index,)
             )
             if separation is not None:
-                turn = Refusal(members=1 << part, signed=signed, only_turned=True)
+                turn = Refusal(members=1 << part, direction_index=direction_index, only_turned=True)
                 if turn not in self.refused:
-                    separation = self.cascade.turned(part, remaining, separation)
+                    separation = self.cascade.with_declared_thread(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
 
@@ -223,7 +227,7 @@ class _Chooser:
         for ploughs in (False, True):
             yield ploughs, [s for s in open_ways if through[s] == ploughs]
 
-    def next_further(
+    def next_by_stage(
         self, stage: Stage, remaining: int, protected: int, said: dict[int, Separation]
     ) -> Departure | None:
         """A part that a later stage frees, the protected one last; else None, and ``said`` knows more of every part."""
@@ -254,5 +258,7 @@ class _Chooser:
         if found is None:
             return None
         inside = _disassemble(self, found.members, lambda removed: None)
-        separation = Separation(answer=Answer.FREE, removal=found.removal, signed=found.signed, stage="subassembly")
+        separation = Separation(
+            answer=Answer.FREE, removal=found.removal, direction_index=found.direction_index, stage="subassembly"
+        )
         return Departure(part=inside.base, members=found.members, separation=separation, inside=inside)

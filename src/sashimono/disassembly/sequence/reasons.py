@@ -35,7 +35,7 @@ class VerdictConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Give:
+class Interference:
     """The least that must give way for a part to leave along a straight line."""
 
     direction: Float[np.ndarray, "3"]
@@ -48,12 +48,14 @@ class Give:
     """The part into which it goes deepest."""
 
 
-def least_give(parts: PlacedParts, part: int, others: Sequence[int], *, config: VerdictConfig) -> Give | None:
+def least_interference(
+    parts: PlacedParts, part: int, others: Sequence[int], *, config: VerdictConfig
+) -> Interference | None:
     """Return the straight line, of the part's own and the world's, along which least is in the way of a part.
 
     None if every one is blocked by as much as a part is thick: then there is no fit to speak of.
     """
-    best: Give | None = None
+    best: Interference | None = None
     lines = [*parts.part_lines[part], *np.eye(3)]
     for direction in [sign * line for line in lines for sign in (1.0, -1.0)]:
         found = _along(parts, part, others, direction, np.inf if best is None else best.depth, config)
@@ -61,7 +63,7 @@ def least_give(parts: PlacedParts, part: int, others: Sequence[int], *, config: 
     return best
 
 
-def worded(
+def add_reasons(
     parts: PlacedParts,
     remaining: int,
     said: Sequence[tuple[int, Separation]],
@@ -81,12 +83,12 @@ def worded(
         if len(members) < config.interlocked:
             for part in stuck:
                 others = [other for other in bits(remaining) if other != part]
-                words = _measured(parts, part, others, least_give(parts, part, others, config=config))
+                words = _measured(parts, part, others, least_interference(parts, part, others, config=config))
                 out[part] = replace(answers[part], reason=f"{answers[part].reason}{words}")
             continue
         together = _together(parts, members, config)
         others = [other for other in bits(remaining) if other != stuck[0]]
-        words = _measured(parts, stuck[0], others, least_give(parts, stuck[0], others, config=config))
+        words = _measured(parts, stuck[0], others, least_interference(parts, stuck[0], others, config=config))
         for part in stuck:
             motions = answers[part].proven_for
             sure = f"not proven: {answers[part].reason}" if motions is None else f"proven for {motions}"
@@ -101,7 +103,7 @@ def _along(
     direction: Float[np.ndarray, "3"],
     most: float,
     config: VerdictConfig,
-) -> Give | None:
+) -> Interference | None:
     """What must give way along a direction, if it is less than ``most``."""
     depth, deepest = 0.0, None
     for _, other in parts.parts_ahead(part, np.zeros(3), direction, others):
@@ -123,22 +125,25 @@ def _along(
     if deepest is None:
         return None
     tolerance = parts.tolerances.plan * parts.scale(part, deepest)
-    return Give(direction=direction, depth=depth, tolerance=tolerance, other=deepest)
+    return Interference(direction=direction, depth=depth, tolerance=tolerance, other=deepest)
 
 
-def _measured(parts: PlacedParts, part: int, others: Sequence[int], give: Give | None) -> str:
+def _measured(parts: PlacedParts, part: int, others: Sequence[int], interference: Interference | None) -> str:
     names = parts.assembly.names
     words = ""
-    if give is not None:
-        overlap = float(parts.overlaps[part, give.other])
-        beyond = f" beyond the {_mm(overlap)} that they overlap as assembled" if overlap > give.tolerance else ""
+    if interference is not None:
+        overlap = float(parts.overlaps[part, interference.other])
+        beyond = (
+            f" beyond the {_mm(overlap)} that they overlap as assembled" if overlap > interference.tolerance else ""
+        )
         words += (
-            f"; straight out, {names[part]} goes at least {_mm(give.depth)} deep into {names[give.other]}{beyond}"
-            f" ({direction_name(give.direction)}; {_mm(give.tolerance)} is tolerated)"
+            f"; straight out, {names[part]} goes at least {_mm(interference.depth)} deep into"
+            f" {names[interference.other]}{beyond}"
+            f" ({direction_name(interference.direction)}; {_mm(interference.tolerance)} is tolerated)"
         )
     for one in (part, *others):
         count = _count_solids(parts, one)
-        if count > 1 and (one == part or (give is not None and one == give.other) or len(others) == 1):
+        if count > 1 and (one == part or (interference is not None and one == interference.other) or len(others) == 1):
             words += f"; {names[one]} is {count} separate solids that move as one: plan again with --split all"
     return words
 

@@ -19,7 +19,7 @@ from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.drawing import Drawing
 from sashimono.disassembly.translation.flood import (
-    Scene,
+    LatticeScene,
     cast,
     explore,
     label,
@@ -29,7 +29,7 @@ from sashimono.disassembly.translation.flood import (
     steps_from,
     straightened,
 )
-from sashimono.disassembly.translation.meeting import SceneBuilder
+from sashimono.disassembly.translation.lattice_scene import LatticeSceneBuilder
 
 MOST_OBSTACLES = 62
 """Obstacles that a lattice can tell apart (bits of a word); the nearest are taken."""
@@ -146,10 +146,10 @@ class Space:
         self._grown = grown
         self._drawn = 0
         self._inside = 0
-        self._builder = SceneBuilder(
+        self._builder = LatticeSceneBuilder(
             shape, len(self.obstacles), max_points=config.max_room_points if grown else config.max_points
         )
-        self._scene: Scene | None = None
+        self._scene: LatticeScene | None = None
 
     def work(self, others: int) -> int:
         """Return how many lattice points stand for these obstacles (a mask of parts) and the part, those of a lattice

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.eroded_lattice import eroded_lattice, grown_lattice
-from sashimono.disassembly.translation.meeting import Drawn
+from sashimono.disassembly.translation.lattice_scene import Drawn
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

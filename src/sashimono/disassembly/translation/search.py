@@ -21,7 +21,7 @@ from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation.caging import Cages
 from sashimono.disassembly.translation.configuration_space import Flood, Space, SpaceConfig
-from sashimono.disassembly.translation.halts import Levels, halts
+from sashimono.disassembly.translation.face_levels import FaceLevels, level_travels
 from sashimono.disassembly.translation.legs import Legs
 from sashimono.geometry import se3
 from sashimono.geometry.overlap import intersection_depth
@@ -41,7 +41,7 @@ class TranslationConfig:
     """The same with those that are stopped at once."""
     max_branches: int = 12
     """Legs queued from one displacement along one direction."""
-    max_halts: int = 64
+    max_level_travels: int = 64
     """Face levels looked at on one leg."""
     face_levels: int = 16
     """Faces of one part across one line, the largest, whose levels count, besides its ends."""
@@ -86,7 +86,7 @@ class TranslationSearch:
     def __init__(self, parts: PlacedParts, *, config: TranslationConfig) -> None:
         self.parts = parts
         self.config = config
-        self._levels = Levels(parts, most=config.face_levels, grain=config.grain)
+        self._levels = FaceLevels(parts, most=config.face_levels, grain=config.grain)
         self._spaces: dict[tuple[int, int], Space] = {}
         self._cages = Cages(parts, config=config.space)
         self._legs: Legs | None = None
@@ -146,7 +146,7 @@ class _BestFirst:
     def __init__(
         self,
         legs: Legs,
-        levels: Levels,
+        levels: FaceLevels,
         others: Sequence[int],
         space: Space,
         flood: Flood,
@@ -162,13 +162,13 @@ class _BestFirst:
         self.mask = sum(1 << other for other in others)
         self.cell = config.least_travel * float(parts.sizes[part])
         self.least = config.least_leg * float(parts.sizes[part])
-        self.lines, self.signed = legs.lines, legs.signed
+        self.lines, self.directions = legs.lines, legs.directions
         self.differences = levels.differences(part, others, self.lines)
         self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
         self.seen: set[tuple[int, ...]] = set()
         self.reach: dict[tuple[tuple[int, ...], int], float] = {}
         self.met: set[int] = set()
-        self.pushed = 0
+        self.queued_count = 0
 
     def run(self) -> TranslationResult:
         """Return the first way out, or that there is none, or that the budget ran out."""
@@ -178,13 +178,13 @@ class _BestFirst:
         self._expand([np.zeros(3)])
         traced = looked = 0
         while self.queue and traced < self.config.max_legs and looked < self.config.max_traces:
-            _, _, path, signed, length = heapq.heappop(self.queue)
-            direction = self.signed[signed]
-            key = (self._key(path[-1]), signed)
+            _, _, path, direction_index, length = heapq.heappop(self.queue)
+            direction = self.directions[direction_index]
+            key = (self._key(path[-1]), direction_index)
             end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
             if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
                 continue
-            travel, stopper = self.legs.travel(path[-1], signed, length, self.others, enough=self.cell)
+            travel, stopper = self.legs.travel(path[-1], direction_index, length, self.others, enough=self.cell)
             traced += int(travel > self.least)
             looked += 1
             if stopper is None and np.isinf(length):
@@ -203,7 +203,7 @@ class _BestFirst:
             # where curved faces meet there is no level: back off to where they touch
             back = travel - self.parts.limit(self.part, stopper, self.parts.tolerances.translation)
             if back > self.least:
-                self._push(path, np.array([signed]), np.array([back]), np.array([False]))
+                self._push(path, np.array([direction_index]), np.array([back]), np.array([False]))
         reason = (
             f"translation search ran out of its budget of {traced} legs"
             if self.queue
@@ -235,8 +235,8 @@ class _BestFirst:
     def _is_stopped(self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float) -> bool:
         parts, part = self.parts, self.part
         return any(
-            meeting < length and np.isfinite(free_travel(parts, part, offset, direction, other, length=length))
-            for meeting, other in parts.parts_ahead(part, offset, direction, self.others)
+            box_travel < length and np.isfinite(free_travel(parts, part, offset, direction, other, length=length))
+            for box_travel, other in parts.parts_ahead(part, offset, direction, self.others)
         )
 
     def _expand(self, path: list[np.ndarray]) -> None:
@@ -244,12 +244,12 @@ class _BestFirst:
         here = path[-1]
         self.seen.add(self._key(here))
         signs, lengths, exits = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0, bool)]
-        for signed, direction in enumerate(self.signed):
+        for direction_index, direction in enumerate(self.directions):
             travel, stoppers = self.space.travel(self.mask, here, direction)
             self.met.update(bits(stoppers))
-            ends = halts(self.differences, self.lines, here, direction, travel, self.config.max_halts)
+            ends = level_travels(self.differences, self.lines, here, direction, travel, self.config.max_level_travels)
             ends = np.append(ends[ends > self.least], np.inf)
-            signs.append(np.full(len(ends), signed))
+            signs.append(np.full(len(ends), direction_index))
             lengths.append(ends)
             exits.append(np.full(len(ends), not stoppers))
         self._push(path, np.concatenate(signs), np.concatenate(lengths), np.concatenate(exits))
@@ -257,24 +257,24 @@ class _BestFirst:
     def _push(
         self,
         path: list[np.ndarray],
-        signed: Int[np.ndarray, "leg"],
+        direction_index: Int[np.ndarray, "leg"],
         lengths: Float[np.ndarray, "leg"],
         is_open: Bool[np.ndarray, "leg"],
     ) -> None:
         """Queue legs; infinite ones, where the lattice leaves their line open, are ways out."""
-        ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.signed[signed]
+        ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.directions[direction_index]
         steps = self.space.distances(self.flood, ends)
         steps[np.isinf(lengths) & is_open] = 0.0
         places = np.round(ends / self.cell).astype(int).tolist()
-        queued = np.zeros(len(self.signed), dtype=int)
+        queued = np.zeros(len(self.directions), dtype=int)
         for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
             is_known = np.isfinite(lengths[k]) and tuple(places[k]) in self.seen
-            if is_known or queued[signed[k]] == self.config.max_branches:
+            if is_known or queued[direction_index[k]] == self.config.max_branches:
                 continue
-            queued[signed[k]] += 1
-            self.pushed += 1
+            queued[direction_index[k]] += 1
+            self.queued_count += 1
             cost = float(steps[k]) + self.config.leg_cost * len(path)
-            heapq.heappush(self.queue, (cost, self.pushed, path, int(signed[k]), float(lengths[k])))
+            heapq.heappush(self.queue, (cost, self.queued_count, path, int(direction_index[k]), float(lengths[k])))
 
     def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
         return tuple(np.round(place / self.cell).astype(int).tolist())

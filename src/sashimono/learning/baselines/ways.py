@@ -79,10 +79,10 @@ def find_ways(assembly: Assembly) -> Ways:
     blockers = []
     for part in range(len(blocking)):
         found: list[list[int]] = [[] for _ in range(AXES)]
-        for signed in _easiest_first(blocking, part):
-            cosines = axes[part] @ -blocking.direction(signed)  # it goes in against the way it leaves
+        for direction_index in _easiest_first(blocking, part):
+            cosines = axes[part] @ -blocking.direction(direction_index)  # it goes in against the way it leaves
             near = [axis for axis in range(AXES) if cosines[axis] > cosines.max() - TIE]
-            mask = _blockers(blocking, part, signed, [found[axis] for axis in near])
+            mask = _blockers(blocking, part, direction_index, [found[axis] for axis in near])
             for axis in near:
                 if mask is not None:
                     found[axis] = minimal([*found[axis], mask])
@@ -118,14 +118,14 @@ def share_without_axis(masks: Masks, ways: Ways, placed: Sequence[int] | np.ndar
 
 
 def _easiest_first(blocking: Blocking, part: int) -> list[int]:
-    """Signed directions, those first that the coarse maps say fewest parts stop."""
-    masks = [blocking.masks(part, signed) for signed in range(blocking.count_signed)]
+    """Direction indices, those first that the coarse maps say fewest parts stop."""
+    masks = [blocking.masks(part, direction_index) for direction_index in range(blocking.count_directions)]
     return sorted(range(len(masks)), key=lambda s: ((masks[s][0] | masks[s][1]).bit_count(), s))
 
 
-def _blockers(blocking: Blocking, part: int, signed: int, known: Sequence[Sequence[int]]) -> int | None:
-    """What stops a part along a signed direction; None as soon as each of the known lists has something better."""
-    blocked, unclear = blocking.masks(part, signed)
+def _blockers(blocking: Blocking, part: int, direction_index: int, known: Sequence[Sequence[int]]) -> int | None:
+    """What stops a part along a direction; None as soon as each of the known lists has something better."""
+    blocked, unclear = blocking.masks(part, direction_index)
 
     def is_vain() -> bool:
         return all(any(mask & blocked == mask for mask in masks) for masks in known)
@@ -133,8 +133,8 @@ def _blockers(blocking: Blocking, part: int, signed: int, known: Sequence[Sequen
     for other in bits(blocking.parts.all_parts & ~(1 << part) & ~blocked):
         if is_vain():
             return None
-        stopped = bool(unclear >> other & 1) and blocking.is_blocked_by(part, signed, other)
-        if stopped or not blocking.passes(part, signed, other):
+        stopped = bool(unclear >> other & 1) and blocking.is_blocked_by(part, direction_index, other)
+        if stopped or not blocking.passes(part, direction_index, other):
             blocked |= 1 << other
     return None if is_vain() else blocked
 

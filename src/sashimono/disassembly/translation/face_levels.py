@@ -10,7 +10,7 @@ from jaxtyping import Float
 from sashimono.disassembly.placed_parts import PlacedParts
 
 
-class Levels:
+class FaceLevels:
     """Coordinates of parts' flat faces along lines, worked out as they are asked for."""
 
     def __init__(self, parts: PlacedParts, *, most: int, grain: float) -> None:
@@ -60,7 +60,7 @@ class Levels:
         return self._faces[part]
 
 
-def halts(
+def level_travels(
     differences: Sequence[Float[np.ndarray, "_"]],
     lines: Float[np.ndarray, "line 3"],
     offset: Float[np.ndarray, "3"],

@@ -14,7 +14,7 @@ from numba import njit
 from sashimono.geometry.distance.signed_distance import STACK_SIZE, SignedDistance, closest_on_triangle, nearest
 
 
-def march(
+def advance_straight(
     solid: SignedDistance,
     points: Float[np.ndarray, "n 3"],
     direction: Float[np.ndarray, "3"],
@@ -30,7 +30,7 @@ def march(
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     direction = np.ascontiguousarray(direction, dtype=np.float64)
-    return _march(points, direction, length, limit, least_step, *solid.arrays)
+    return _advance_straight(points, direction, length, limit, least_step, *solid.arrays)
 
 
 @njit(cache=True, nogil=True)
@@ -131,7 +131,7 @@ def _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals):  # 
 
 
 @njit(cache=True, nogil=True)
-def _march(points, direction, length, limit, least_step, boxes, links, triangles, normals):
+def _advance_straight(points, direction, length, limit, least_step, boxes, links, triangles, normals):
     # pragma: no cover - compiled
     travel = np.inf
     for k in range(points.shape[0]):
