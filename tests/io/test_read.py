@@ -1,7 +1,6 @@
 """Reading: known files in, known parts out; bad input is one clear line."""
 
 import json
-import os
 import struct
 import zipfile
 from pathlib import Path
@@ -17,14 +16,12 @@ from sashimono.io.names import choose_name, unique_names
 from sashimono.io.raw import ReadConfig
 from sashimono.io.read import read_assembly
 
-SHARED = Path(os.environ.get("SASHIMONO_SHARED", Path(__file__).resolve().parents[3] / "shared"))
-
 
 @pytest.fixture
-def shared() -> Path:
-    if not (SHARED / "truth").is_dir():
-        pytest.skip("the shared test data is not beside the repository")
-    return SHARED
+def shared(truth_folder: Path, assemblies_folder: Path) -> Path:
+    """The folder that holds both."""
+    assert truth_folder.parent == assemblies_folder.parent
+    return truth_folder.parent
 
 
 def arrays(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
