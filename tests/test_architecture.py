@@ -22,7 +22,7 @@ PACKAGE = REPOSITORY / "src" / "sashimono"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
-    {"errors"},
+    {"errors", "files"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
