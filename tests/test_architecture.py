@@ -35,6 +35,7 @@ LEVELS = [
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
+    {"tasks", "notebook"},
     {"commands"},
     {"cli_dataset", "cli_learning"},
     {"cli"},
