@@ -140,6 +140,9 @@ def plan(
         typer.Option(metavar="NAMES", help="say of each step which of these grippers can do it: all, none, or names"),
     ] = "none",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
+    motion: Annotated[
+        str, typer.Option(help="how parts get there: transit and the removal reversed, or rrt: RRT-Connect all the way")
+    ] = "removal",
     declare_threads: Annotated[
         bool,
         typer.Option(
@@ -151,6 +154,8 @@ def plan(
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
         raise SashimonoError(f"--method {method} is not in this version. Choose one of: {', '.join(METHODS)}.")
+    if motion not in ("removal", "rrt"):
+        raise SashimonoError(f"--motion {motion} is not in this version. Choose one of: removal, rrt.")
     if device is not None and method != "physics":
         raise SashimonoError(f"--device {device} is for --method physics. Leave it out, or choose that method.")
     if device is not None:
@@ -159,7 +164,7 @@ def plan(
         find_device(device)
     refuse_unwritable(out)
     options = {"method": method, "device": device, "gripper": gripper, "grippers": grippers, "contacts": contacts}
-    options |= {"unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
+    options |= {"motion": motion, "unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
     return plan_and_write(source, out, **options)
 
 

@@ -32,6 +32,7 @@ def plan_and_write(
     gripper: str = "fingertips",
     grippers: str = "none",
     contacts: bool = True,
+    motion: str = "removal",
     declare_threads: bool = False,
     copy_input: bool = False,
 ) -> int:
@@ -56,6 +57,7 @@ def plan_and_write(
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.read import read_assembly
+    from sashimono.motion import MotionConfig
     from sashimono.pipeline import PipelineConfig, plan_assembly
     from sashimono.tasks import write_results
 
@@ -71,6 +73,7 @@ def plan_and_write(
             gripper=tool,
             grippers=asked,
             contacts=contacts,
+            motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion)),
         )
         found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
     write_results(found, assembly, out, copied=source if copy_input else None)

@@ -56,9 +56,13 @@ class Motion:
     """Cover the path, in order; empty for the base part."""
     evidence: Mapping[str, Any] = field(default_factory=dict)
     """What was measured while planning: ``max_penetration`` and ``tolerance`` [m], ..."""
+    times: Float[np.ndarray, "pose"] | None = None
+    """When the part is at each pose [s], from 0 at its resting pose; None where the path was not timed."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part, np.float64))
+        if self.times is not None:
+            object.__setattr__(self, "times", frozen_array(self.times, np.float64))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

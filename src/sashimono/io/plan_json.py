@@ -133,6 +133,8 @@ def _step_document(step: Step) -> dict[str, Any]:
         "contact_reason": step.contact_reason,
         "evidence": step.motion.evidence,
     }
+    if step.motion.times is not None:
+        out["path"]["times"] = step.motion.times
     if step.carry is not None:
         out["carry"] = _contact_document(step.carry)
     if step.grippers:
@@ -272,6 +274,7 @@ def _step(step: Mapping[str, Any]) -> Step:
             T_world_part=np.array(path["T_world_part"], dtype=np.float64),
             segments=_each(path["segments"], lambda s: Segment(kind=s["kind"], start=s["start"], stop=s["stop"])),
             evidence=step["evidence"],
+            times=None if path.get("times") is None else np.array(path["times"], dtype=np.float64),
         ),
         contact=None if contact is None else _contact(contact),
         contact_reason=step.get("contact_reason"),
