@@ -22,7 +22,7 @@ PACKAGE = REPOSITORY / "src" / "sashimono"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
-    {"errors"},
+    {"errors", "files"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
@@ -35,6 +35,7 @@ LEVELS = [
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
+    {"tasks", "notebook"},
     {"commands"},
     {"cli_dataset", "cli_learning"},
     {"cli"},

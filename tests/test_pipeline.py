@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from solids import assembly, box, box_with_lid, linked_rings, part, peg_in_plate, rod, sealed_box
 
+from sashimono import tree
 from sashimono.assembly import Assembly
+from sashimono.contact.grasp import ContactChoice
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
 from sashimono.io.plan_json import plan_to_json
@@ -61,6 +63,41 @@ def test_a_step_without_a_grasp_says_so() -> None:
     plan = plan_assembly(peg_in_plate(), config=PipelineConfig(contacts=False))
     assert all(step.contact is None and step.contact_reason for step in plan.steps)
     assert plan.status == "complete"
+
+
+def test_an_order_whose_step_has_no_contact_is_left_for_one_that_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing can hold the block on its way down: it is slid in."""
+    parts = assembly(plate=box((0.2, 0.2, 0.02)), block=box((0.03, 0.03, 0.03), (0.0, 0.0, 0.025)))
+    choose = tree.choose_contacts
+
+    def grudging(level, order, motions, table, **options):
+        found = choose(level, order, motions, table, **options)
+        comes_down = {
+            name for name, motion in motions.items() if np.ptp(motion.T_world_part[-2:, 2, 3]) > 1e-9
+        }  # the last leg
+        return {
+            name: contact._replace(contact=None, reason="held by nothing") if name in comes_down else contact
+            for name, contact in found.items()
+        }
+
+    monkeypatch.setattr(tree, "choose_contacts", grudging)
+    plan = plan_assembly(parts)
+    assert plan.status == "complete"
+    step = plan.steps[1]
+    assert step.contact is not None
+    assert np.ptp(step.motion.T_world_part[-2:, 2, 3]) < 1e-9
+    only = plan_assembly(parts, config=PipelineConfig(contact_attempts=0)).steps[1]
+    assert only.contact is None
+    assert only.contact_reason == "held by nothing"
+
+
+def test_no_contact_anywhere_costs_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = ContactChoice(None, "held by nothing")
+    monkeypatch.setattr(tree, "choose_contacts", lambda level, order, *rest, **options: dict.fromkeys(order, nothing))
+    plan = plan_assembly(peg_in_plate())
+    assert plan.status == "complete"
+    assert plan.unsolved == ()
+    assert plan.steps[1].contact_reason == "held by nothing"
 
 
 def test_an_unknown_gripper_is_refused_before_any_work() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
-from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper
+from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper, real_tool
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
@@ -59,6 +59,10 @@ class PipelineConfig:
     """Whether level 3 runs."""
     max_attempts: int = 4
     """Sequences tried: each part whose motion fails, or is refuted, is refused that direction in the next."""
+    contact_attempts: int = 1
+    """Of these, sequences tried for the sake of contacts alone: every motion holds, but for some step there is no
+    contact, so that its departure is refused in the next. The plan with most parts, then with most contacts, is taken.
+    """
 
 
 def plan_assembly(
@@ -75,8 +79,9 @@ def plan_assembly(
     same plan, timings apart. Raises SashimonoError for an unknown gripper.
     """
     config = config or PipelineConfig()
-    for tool in (config.gripper, *config.grippers):
-        named_gripper(tool)
+    named_gripper(config.gripper)
+    for tool in config.grippers:
+        real_tool(tool)
     clock = _Clock()
     rng_bodies, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
     with clock.stage("sequence"):
@@ -95,18 +100,23 @@ def plan_assembly(
     )
     best: _Attempt | None = None
     refutations: dict[str, str] = {}
+    for_contacts = config.contact_attempts if config.contacts else 0
     # spawned generators advance: each attempt gets its own, whatever the ones before drew
     for motion_rng, contact_rng in zip(
         rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
     ):
         attempt = _attempt(planner, cascade, refused, config, (motion_rng, contact_rng), progress)
         refutations |= attempt.refutations
-        if best is None or len(placed_parts(attempt.steps)) > len(placed_parts(best.steps)):
+        if best is None or attempt.worth > best.worth:
             best = attempt
-        if not attempt.refused - refused:
+        again = attempt.refused - refused
+        if not again and for_contacts > 0:
+            for_contacts -= 1
+            again = attempt.contactless - refused
+        if not again:
             break
-        refused |= attempt.refused
-        logger.info("going back to level 1 without %s", sorted(map(str, attempt.refused)))
+        refused |= again
+        logger.info("going back to level 1 without %s", sorted(map(str, again)))
     assert best is not None, "at least one attempt is made"
     unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
     return _plan(assembly, replace(best, unsolved=unsolved), config, seed, clock)
@@ -121,9 +131,23 @@ class _Attempt:
     unsolved: tuple[Unsolved, ...]
     refused: frozenset[Refusal]
     """Departures that level 2 or the check refused."""
+    contactless: frozenset[Refusal]
+    """Departures for which no contact was found."""
     refutations: Mapping[str, str]
     """What the check, or level 2, said of each part whose motion it refused."""
     verified: bool
+
+    @property
+    def worth(self) -> tuple[int, int]:
+        """How many parts are placed, and for how many of the steps there is a contact."""
+        steps = [inner for step in self.steps for inner in _all_steps(step)]
+        return len(placed_parts(self.steps)), sum(step.contact is not None for step in steps)
+
+
+def _all_steps(step: Step) -> Iterator[Step]:
+    yield step
+    for inner in () if step.subassembly is None else step.subassembly.steps:
+        yield from _all_steps(inner)
 
 
 def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolved:
@@ -159,6 +183,7 @@ def _attempt(
         table=level.table,
         unsolved=unsolved,
         refused=level.refused | judge.refused,
+        contactless=judge.contactless(steps),
         refutations={entry.part: entry.reason for entry in (*level.failed, *judge.refuted)},
         verified=not (report.problems or unsolved),
     )
@@ -230,6 +255,15 @@ class _Judge:
                 step = replace(step, subassembly=replace(step.subassembly, order=order, steps=inner))
             out.append(step)
         return tuple(out)
+
+    def contactless(self, steps: Sequence[Step]) -> frozenset[Refusal]:
+        """Return the departures of the steps that move and have no contact, inside subassemblies too."""
+        every = [inner for step in steps for inner in _all_steps(step)]
+        return frozenset(
+            self._departures[step.part].path_refusal
+            for step in every
+            if step.contact is None and len(step.motion.T_world_part) > 1 and step.part in self._departures
+        )
 
     def _take_out(self, step: Step, problem: str) -> None:
         reason = f"refuted by the check: {problem}"

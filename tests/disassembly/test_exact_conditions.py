@@ -15,7 +15,7 @@ from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
-from sashimono.disassembly.translation.flood import label
+from sashimono.disassembly.translation.lattice_flood import label
 from sashimono.disassembly.translation.lattice_scene import Drawn, LatticeSceneBuilder, shell
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly

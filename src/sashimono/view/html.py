@@ -10,9 +10,9 @@ from importlib import resources
 from pathlib import Path
 
 from sashimono.assembly import Assembly
+from sashimono.files import atomic_write
 from sashimono.plan import AssemblyPlan
 from sashimono.view.config import ViewConfig
-from sashimono.view.files import write_whole
 from sashimono.view.scene import ViewerScene, make_scene
 
 SCRIPTS = (
@@ -64,4 +64,6 @@ def write_html(plan: AssemblyPlan, assembly: Assembly, path: str | Path, *, conf
 
     Raises OSError if ``path`` cannot be written; an earlier file is then still whole.
     """
-    return write_whole(path, render_html(plan, assembly, config=config).encode("utf-8"))
+    with atomic_write(path) as scratch:
+        scratch.write_bytes(render_html(plan, assembly, config=config).encode("utf-8"))
+    return Path(path)

@@ -116,9 +116,8 @@ def plan_disassembly(
     Parts in ``refused`` are not pushed.
     """
     search = _Search(parts, config, is_executable, refused)
-    for body in parts.bodies:  # worked out here, not by several threads at once
-        assert body.signed_distance is not None
-        assert len(body.hull_points)
+    for body in parts.bodies:  # cached properties: worked out here, not by several threads at once
+        _ = body.signed_distance, body.hull_points
     with ThreadPoolExecutor(config.workers) if config.workers > 1 else nullcontext() as pool:
         best = search.run(pool, progress)
     left = bits(best.remaining)

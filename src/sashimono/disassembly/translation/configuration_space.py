@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.drawing import Drawing
-from sashimono.disassembly.translation.flood import (
+from sashimono.disassembly.translation.lattice_flood import (
     LatticeScene,
     cast,
     explore,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from sashimono.disassembly.translation.flood import LatticeScene
+from sashimono.disassembly.translation.lattice_flood import LatticeScene
 
 _BLOCK = 4
 """Lattice points along a block: what decides which points can meet need not be finer."""
