@@ -1,7 +1,7 @@
 """The cascade: can this part leave the remaining ones, and by which motion?
 
-The front door of level 1. `Cascade.stages` lists the stages in their order; each is asked only what the ones before
-left open. `Cascade.separate` asks them about one part; a sequence asks each about all parts before the next.
+This is the front door of level 1. `Cascade.stages` lists the stages in their order. Each is asked only what the ones
+before left open. `Cascade.separate` asks them about one part. A sequence asks each about all parts before the next.
 To add a stage, write it in a file of its own (`separation.Stage`) and add a line to `Cascade.stages`.
 """
 
@@ -38,7 +38,7 @@ __all__ = ["Cascade", "SeparateConfig"]
 
 
 class Cascade:
-    """Answers separation questions about one assembly, faster where the same question was asked before.
+    """Answers separation questions about one assembly. A question that was asked before is answered faster.
 
     The same question has the same answer, whatever was asked before.
     """

@@ -1,4 +1,4 @@
-"""The exact check of a path: how far a part follows a geodesic before it is deeper in another than tolerated."""
+"""The exact check of a path: how far a part follows a geodesic before it is deeper in another part than tolerated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sashimono.geometry.body import mutual_depth
 from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between
 
 _STRIDES = (16, 1)
-"""Some probes are followed first, as most legs that are blocked are blocked for these; all have the last word."""
+"""Every sixteenth probe is followed first: most blocked legs are blocked for these. All probes have the last word."""
 _REFINE = 1.0 / 16.0
 """Where a leg stops is found to this share of the least step."""
 _ARC = np.pi / 12.0
@@ -26,8 +26,8 @@ _ARC = np.pi / 12.0
 class Paths:
     """Paths of one part past some others, as displacements from the assembled pose in the world frame.
 
-    Every answer is a pure function of its arguments; what they took is counted in ``touched`` and ``traced``. The
-    probes of both parts are followed with the least step of `Tolerances`.
+    Every answer is a pure function of its arguments. What the answers took is counted in ``touched`` and ``traced``.
+    The probes of both parts are followed with the least step of `Tolerances`.
     """
 
     def __init__(self, parts: PlacedParts, part: int, others: Sequence[int], *, tolerance: float) -> None:
@@ -67,7 +67,7 @@ class Paths:
     def advance_to_contact(
         self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]
     ) -> tuple[float, int | None]:
-        """Return as `advance` does, but kept back so that the part just touches what stops it."""
+        """Return what `advance` does, but less by so much that the part just touches what stops it."""
         u, stopper = self.advance(D, twist)
         if stopper is None:
             return u, None
@@ -92,7 +92,7 @@ class Paths:
         return se3.make(None, self._way_past(self.others, D, direction) * direction) @ D
 
     def straight(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6"]:
-        """Return the translation from D along a unit direction past the whole assembly, whatever of it remains."""
+        """Return the translation from D along a unit direction past the whole assembly, not only past what remains."""
         return np.concatenate([self._way_past(range(len(self.parts)), D, direction) * direction, np.zeros(3)])
 
     def parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
@@ -108,7 +108,7 @@ class Paths:
         return True
 
     def _parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"], other: int, bare: float) -> bool:
-        """Whether the path is within the bare depth of one other after it has first been."""
+        """Return whether the path stays within the bare depth of one other part from where it first is."""
         parts = self.parts
         least = parts.tolerances.least_step * parts.smaller_size(self.part, other)
         T_b_world = se3.inverse(parts.poses[other])
@@ -160,7 +160,7 @@ class Paths:
     def _swept_box(
         self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"] | None
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-        """Bounds of the part on its way: of its hull at some poses, by as much wider as an arc leaves its chord."""
+        """Return bounds of the part on its way: its hull at some poses, widened by what an arc leaves its chord."""
         corners = se3.apply(D @ self.T_assembled, self.body.hull_points)
         if twist is None:
             return corners.min(axis=0), corners.max(axis=0)

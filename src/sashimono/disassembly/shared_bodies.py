@@ -1,4 +1,4 @@
-"""What pairs of parts share in the assembled pose: a thread drawn as cylinders, or what a motion ploughs through."""
+"""The body that two parts share as assembled: a thread drawn as cylinders, or what a motion ploughs through."""
 
 from __future__ import annotations
 

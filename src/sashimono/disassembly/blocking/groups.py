@@ -37,7 +37,7 @@ class MovingGroup:
 
 
 class GroupStage:
-    """Subassemblies. A group frees no part by itself: `separate` finds nothing, whoever schedules asks for a group."""
+    """Subassemblies. A group frees no part by itself, so `separate` finds nothing; a sequence asks for a group."""
 
     name = "subassembly"
     motions = MotionClass.TRANSLATIONS
@@ -66,8 +66,8 @@ def find_subassembly(
 ) -> MovingGroup | None:
     """Return the best set of two or more parts that leaves the remaining ones as one body, or None.
 
-    Parts that hang together rather than not, then the fewest, then the direction worth most. Every pair
-    of a member and a part that stays is traced: a set is given only if all of them pass.
+    Parts that hang together are preferred, then the fewest parts, then the direction that is worth most. Every pair
+    of a member and a part that stays is traced. A set is returned only if all pairs pass.
 
     Args:
         blocking: The relation.
@@ -75,7 +75,7 @@ def find_subassembly(
         stays: A part that must not be among those that move.
         worth: Of a unit direction of removal.
         connected: Whether the parts of a mask hang together.
-        refused: Ways out that are not to be given.
+        refused: Ways out that must not be returned.
     """
     missed: dict[int, dict[int, int]] = {direction_index: {} for direction_index in range(blocking.count_directions)}
     """By direction and part: blockers that the maps miss and tracing found, here and now."""

@@ -1,8 +1,8 @@
 """Which parts stop a part that moves to infinity along a direction (Wilson's blocking relation).
 
-Three looks, each only at what the one before left open: coarse depth maps of all parts at once, a
-fine map of two parts' common window, and sphere tracing of surface points, which has the last word:
-a motion that it passes goes nowhere deeper than the pair overlaps already, plus the tolerance.
+There are three looks. Each looks only at what the one before left open. First come coarse depth maps of all parts
+at once, then a fine map of two parts' common window. Sphere tracing of surface points has the last word: a motion
+that it passes goes nowhere deeper than the pair overlaps as assembled, plus the tolerance.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Blocking:
         self._passes: dict[tuple[int, int, int], bool] = {}
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
         self._stopped: dict[tuple[int, int], int] = {}
-        """By part and direction: parts that any look has found to stop it so far. Only a short cut to a no."""
+        """By part and direction: the parts that some look has found to stop it so far. It makes a no come faster."""
 
     def __len__(self) -> int:
         return len(self.parts)
@@ -90,7 +90,7 @@ class Blocking:
     def blockers(self, part: int, direction_index: int, among: int | None = None) -> int:
         """Return the mask of the parts, among those given, that by the maps stop this part along a direction.
 
-        Coarse maps, and fine ones where those leave it open; tracing (`passes`) may find more.
+        It asks the coarse maps, and the fine ones where those leave it open. Tracing (`passes`) may find more.
         """
         blocked, unclear = self.masks(part, direction_index)
         if among is not None:
@@ -164,7 +164,7 @@ class Blocking:
         return found
 
     def _slides_past(self, line: int, a: int, b: int) -> bool:
-        """Whether a slab along the direction keeps the two apart all the way: then no point gets too deep.
+        """Return whether a slab along the direction keeps the two apart all the way: then no point gets too deep.
 
         A point is no deeper in a part than it is past any plane that has the part on one side.
         """

@@ -14,7 +14,7 @@ from sashimono.plan import Answer, MotionClass
 
 
 class BlockingStage:
-    """Single translations. Nothing is remembered of it: the relation has every answer at hand."""
+    """Single translations. Nothing needs to be remembered: the relation has every answer."""
 
     name = "blocking"
     motions = MotionClass.TRANSLATIONS
@@ -42,8 +42,8 @@ class BlockingStage:
             part: The part.
             remaining: Mask of the parts that are there.
             preference: Of a unit direction; the highest is tried first.
-            refused: Ways out that are not to be given.
-            among: The directions that are asked for; all if None.
+            refused: Ways out that must not be returned.
+            among: The direction indices to ask about; all if None.
         """
         others = remaining & ~(1 << part)
         blocking = self.blocking

@@ -2,7 +2,7 @@
 
 Single translations come first: the relation gives all of their clauses at once. Then the stage of translations is
 asked about the largest sets that neither a clause nor a proof decides (at most ``max_queries`` a part). A part that
-another one holds by itself, whatever else is gone, may turn its way out: all stages are asked about such a pair.
+another one holds by itself even when all else is gone may turn its way out. All stages are asked about such a pair.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def find_conditions(
 
 
 class _Search:
-    """One run: what is asked, and the motions that took one part of a pair off the other."""
+    """One run: whom it asks, and the motions that took one part of a pair off the other."""
 
     def __init__(
         self,
@@ -145,7 +145,7 @@ class _Search:
 
 
 def blocking_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
-    """Blocker masks over all directions, traced ones only, dominated ones dropped early."""
+    """Return the clauses of single translations, traced. Directions that need more parts gone are dropped early."""
     others = blocking.parts.all_parts & ~(1 << part)
     kept: dict[int, int] = {}
     masks = [blocking.masks(part, direction_index) for direction_index in range(blocking.count_directions)]

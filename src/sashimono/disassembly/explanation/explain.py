@@ -86,8 +86,8 @@ class Explanation:
     directions: tuple[BlockedDirection, ...]
     """Those with a smallest set of blockers, fewest first, then others; none where the answer is FREE."""
     removal_sets: tuple[tuple[str, ...], ...]
-    """Each a smallest set of parts that can be removed before it, after which it leaves by one translation;
-    fewest parts first."""
+    """Smallest sets of parts that can be removed before it, after which it leaves by one translation.
+    Fewest parts first."""
     overlaps: tuple[Overlap, ...]
     """Overlaps in the CAD between it and the parts reported as blockers."""
     easy_change: BlockedDirection | None

@@ -2,7 +2,7 @@
 
 Pushes are forces along the part's inertia axes and torques about them (as in Algorithm 1 of the paper), and the
 screws that its contacts leave free (slippage): those take it out of threads and bayonets. Each motion found has
-passed the exact check; that none was found is never a proof.
+passed the exact check. That none was found is never a proof.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from sashimono.plan import Answer, MotionClass
 
 
 class PhysicsStage:
-    """Pushes with contact and friction. It finds turns too, and never proves that there is no way out."""
+    """Pushes with contact and friction. It finds motions that turn too, and never proves that there is none."""
 
     name = "physics"
     motions = MotionClass.ALL

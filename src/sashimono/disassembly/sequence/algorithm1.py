@@ -7,8 +7,8 @@ states are novel by the set that remains and the pose of the part under way.
 
 A state's pushes wait in rounds, each with one push of every part. An attempt is not simulated again while all parts
 that it touched remain: it would end the same way, to the bit. With several workers, attempts that wait are simulated
-before it is their turn; what came of them is taken in in the order of the queue all the same, or never, so workers
-change nothing but the time. On a device of NVIDIA Warp (`batch`), waiting attempts are stepped together by the hundred.
+ahead. Their outcomes are taken in the order of the queue, or never, so workers change nothing but the
+time. On a device of NVIDIA Warp (`batch`), waiting attempts are stepped together by the hundred.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ class Algorithm1Config:
     workers: int = 1
     """Threads that simulate; changes the time only."""
     batch: int = 4
-    """Attempts for each of several workers that are simulated before it is their turn; changes the time only. A part
-    that leaves makes them vain, so never more than did not take a part out since the last one left."""
+    """Attempts simulated ahead for each of several workers; changes the time only. When a part leaves, attempts
+    simulated ahead are wasted; so no more are simulated ahead than have failed since the last part left."""
     device: str | None = None
     """Warp device on which pushes are stepped in time, many at once (``"cuda:0"``, ``"cpu"``); None: event by event."""
     stepped: BatchConfig = field(default_factory=BatchConfig)
@@ -85,7 +85,7 @@ class _Attempt:
 
     @property
     def key(self) -> _Key:
-        """What it does, whatever else remains."""
+        """What it does; it does not depend on what else remains."""
         return self.part, self.state.way[-1].tobytes(), self.push.tobytes()
 
 

@@ -1,8 +1,8 @@
 """A disassembly sequence: which part leaves when, and which one stays as the base.
 
-Removal is monotone (fewer parts never block more), so no removal is ever undone: as long as some
-part can leave, taking it is right. What is left to choose is taste: small parts first, upwards,
-in runs of the same direction, and so that what remains hangs together. Where no part leaves alone,
+Removal is monotone (fewer parts never block more), so no removal is ever undone. As long as some
+part can leave, taking it is right. The rest is a matter of taste: small parts first, upwards,
+in runs of the same direction, and so that the remaining parts hang together. Where no part leaves alone,
 a subassembly leaves as one body, and is taken apart by itself: the result is a tree.
 """
 
@@ -95,7 +95,7 @@ REFUSED = Separation(
     answer=Answer.UNKNOWN,
     reason="the ways out that were found were refused later: no motion there, or refuted by the check",
 )
-"""What is said of a part of which later levels refused what the later stages found."""
+"""What is known of a part whose motions, found by the later stages, a later level refused."""
 
 
 class _Chooser:
@@ -196,8 +196,8 @@ class _Chooser:
     ) -> Departure | None:
         """The best part and direction of those that one translation frees, by what tracing says of them.
 
-        Who can leave without ploughing through what he overlaps goes first, and that way. Candidates that the maps
-        leave are traced the best first, so that only those better than the answer are traced in vain.
+        Parts that leave without ploughing through what they overlap go first, and in such a direction. Candidates that
+        the maps leave open are traced, the best first, until one passes.
         """
         blocking, worth = self.cascade.blocking, self.preference(last)
         worths = [worth(blocking.direction(direction_index)) for direction_index in range(blocking.count_directions)]

@@ -1,7 +1,7 @@
-"""What is said in the end of parts that could not leave: what was tried, and, measured, what is in the way.
+"""Why parts could not leave, in words: what was tried, and what is in the way, as measured.
 
-Parts that hold one another get one reason together: of a ball bearing nothing leaves alone, and to say so of
-every ball helps nobody.
+Parts that hold one another get one reason together. No part of a ball bearing leaves alone, and it helps nobody to
+say so of every ball.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class VerdictConfig:
     accuracy: float = 0.02
     """To which the depth is found, over itself."""
     most: float = 1.0
-    """Depth over the smaller part's smallest extent from which on nothing is said of it: no fit, but a wall."""
+    """Depth, over the smaller part's smallest extent, that counts as a wall and no fit: from there on none is named."""
     interlocked: int = 4
     """From so many parts on that hold one another, all share one reason."""
     named: int = 3

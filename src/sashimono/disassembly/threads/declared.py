@@ -2,7 +2,7 @@
 
 The CAD shows a cylinder in a narrower hole. Which thread it stands for is not drawn, so it is declared: right-hand,
 of the standard coarse pitch (ISO 261) of the cylinder's diameter. The motion is flagged as declared wherever it is
-told, and is taken only if the exact check of paths passes it; else the straight pull stays.
+told. It is taken only if the exact check of paths passes it. Otherwise the part is pulled straight.
 """
 
 from __future__ import annotations

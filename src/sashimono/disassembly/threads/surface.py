@@ -1,8 +1,8 @@
 """The thread stage: a part whose surface is a thread in another's leaves by that thread's own screw.
 
-Axis and pitch are read off the surfaces, each part's by itself, so that clearance between the two, or a phase in
-which the CAD has their ridges overlap, does not hide them. About a part's own thread axis the thread sweeps nothing
-but itself: whatever it clears, or overlaps, in the assembled pose, it goes on doing until it is out.
+Axis and pitch are read off each part's surface by itself. So neither clearance between the two hides them, nor a
+phase in which the CAD has their ridges overlap. About a part's own thread axis the thread sweeps nothing
+but itself: what it clears in the assembled pose, and what it overlaps there, stays the same until it is out.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Proofs on fine lattices: the part is caged near its assembled pose, by as small a window as shows it.
 
-A proof needs no more of the configuration space than what the flood reaches. So the lattice starts narrow, grows only
-on the side where the flood comes out, and can be as fine as thin walls need.
+A proof needs only the part of the configuration space that the flood reaches. So the lattice starts narrow and grows
+only on the side where the flood comes out. That lets it be as fine as thin walls need.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where to halt on the way: displacements at which faces of the part come level with faces of an obstacle."""
+"""Where a leg may end: displacements at which faces of the part come level with faces of an obstacle."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ class FaceLevels:
     """Coordinates of parts' flat faces along lines, worked out as they are asked for."""
 
     def __init__(self, parts: PlacedParts, *, most: int, grain: float) -> None:
-        """Keep, of one part along one line, the ends and the ``most`` largest faces; levels nearer than
-        ``grain``, relative to the part's smallest extent, are one."""
+        """Keep the ends of a part along a line, and the levels of its ``most`` largest faces.
+
+        Levels nearer than ``grain``, relative to the part's smallest extent, are one.
+        """
         self._parts = parts
         self._most = most
         self._grain = grain
@@ -70,7 +72,7 @@ def level_travels(
 ) -> Float[np.ndarray, "halt"]:
     """Return the travels, up to the given one, at which faces come level, from a displacement on [m].
 
-    Of more than ``most``, evenly many.
+    If there are more than ``most``, evenly spread ones are returned.
     """
     found = []
     for line, levels in zip(lines, differences, strict=True):

@@ -1,8 +1,8 @@
 """Several translations in a row, where no single one frees a part: a motion, or the proof that there is none.
 
-The configuration space comes first: if its flood finds no way out, that is a proof. Where it finds
-one, it leads an exact search: best first over displacements, each leg traced to where the part is
-stopped, with halts where a flat face of the part comes level with a flat face of an obstacle.
+The configuration space comes first. If its flood finds no way out, that is a proof. If it finds one, it leads an
+exact search, best first over displacements. Each leg is traced to where the part is stopped. A leg may also end where
+a flat face of the part comes level with a flat face of an obstacle.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class TranslationSearch:
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
-        # near the assembled pose a proof costs least, and most parts that are held are held there
+        # a proof costs least near the assembled pose, and most parts that are held are held there
         answer = self.caged(part, others)
         if answer.proven:
             return answer
@@ -280,7 +280,7 @@ class _BestFirst:
         return tuple(np.round(place / self.cell).astype(int).tolist())
 
     def _holds(self, removal: Removal) -> bool:
-        """Whether exact bodies go no deeper than traced samples may, in some poses of each leg."""
+        """Return whether the exact bodies, in some poses of each leg, go no deeper than a plan may."""
         parts = self.parts
         for start, stop in pairwise(removal.displacements[:, :3, 3]):
             for u in (np.arange(self.config.booleans) + 0.5) / self.config.booleans:

@@ -1,4 +1,4 @@
-"""The stage of translations: along directions read off the contacts, then several in a row, or a proof of "no"."""
+"""The stage of translations: one along a direction read off the contacts, several in a row, or a proof of "no"."""
 
 from __future__ import annotations
 

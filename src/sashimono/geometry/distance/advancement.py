@@ -1,8 +1,7 @@
-"""How far points travel along a straight line before one of them is too deep in a solid.
+"""Conservative advancement along a line: how far points travel before one of them is too deep in a solid.
 
-Outside, a point goes on to where its ray enters the solid. Inside, it is no deeper than its distance
-to any one triangle, so it may go as far as the triangle that was closest stays near enough: a slide
-along a wall is one step.
+Outside, a point goes on to where its ray enters the solid. Inside, it is no deeper than its distance to any one
+triangle. So it may go on for as long as the closest triangle stays near enough: a slide along a wall is one step.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ def advance_straight(
     """Return how far the points travel along a unit direction before one is deeper than ``limit`` [m].
 
     Points and direction are in the solid's frame. Infinite if no point gets too deep within ``length``.
-    Nothing is jumped but what lies deeper for less than ``least_step``.
+    It skips only what lies deeper for less than ``least_step``.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     direction = np.ascontiguousarray(direction, dtype=np.float64)
