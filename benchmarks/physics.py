@@ -33,7 +33,7 @@ from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
 from sashimono.verify import VerifyConfig
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.overlap import AssembledOverlaps
 from sashimono.verify.pairs import check_pair, pair_tolerance
 from sashimono.verify.sweep import Screws
@@ -141,7 +141,8 @@ def refuted(assembly: Assembly, found: DisassemblyResult) -> list[str]:
     """Return what the check finds wrong with the removals."""
     config = VerifyConfig()
     bodies = {
-        part.name: Body(part.name, part.vertices_part, part.faces, samples=config.samples) for part in assembly.parts
+        part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=config.samples)
+        for part in assembly.parts
     }
     poses = {part.name: part.T_world_part for part in assembly.parts}
     overlaps = AssembledOverlaps(bodies, poses)

@@ -13,7 +13,7 @@ from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassemb
 from sashimono.disassembly.sequence.reasons import VerdictConfig, least_interference
 from sashimono.geometry.overlap import intersection_depth
 from sashimono.verify import VerifyConfig
-from sashimono.verify.body import Body as CheckedBody
+from sashimono.verify.body import SampledBody as CheckedBody
 from sashimono.verify.overlap import intersection
 
 
