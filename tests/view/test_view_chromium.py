@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from solids import peg_in_plate
 from view_example import HOSTILE_NAMES, paired_blocks, stacked_blocks
 
 from sashimono.geometry import se3
+from sashimono.pipeline import plan_assembly
 from sashimono.view import write_html
 
 
