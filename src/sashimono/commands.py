@@ -96,12 +96,17 @@ def find_gripper(name: str) -> str | Gripper:
 
 
 def find_grippers(names: str) -> tuple[str | Gripper, ...]:
-    """Return the grippers that ``--grippers`` names: none, all (the real ones), or some, separated by commas."""
-    from sashimono.contact import PRESETS
+    """Return the tools that ``--grippers`` names: none, all (the real ones), or some, separated by commas."""
+    from sashimono.contact import REAL_TOOLS, real_tool
 
     if names == "none":
         return ()
-    return tuple(PRESETS) if names == "all" else tuple(find_gripper(name.strip()) for name in names.split(","))
+    if names == "all":
+        return REAL_TOOLS
+    asked = tuple(name if name == "vacuum-cup" else find_gripper(name) for name in map(str.strip, names.split(",")))
+    for tool in asked:
+        real_tool(tool)
+    return asked
 
 
 def reading_options(split: str) -> ReadConfig:

@@ -14,7 +14,7 @@ import numpy as np
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
-from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper
+from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper, real_tool
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
@@ -79,8 +79,9 @@ def plan_assembly(
     same plan, timings apart. Raises SashimonoError for an unknown gripper.
     """
     config = config or PipelineConfig()
-    for tool in (config.gripper, *config.grippers):
-        named_gripper(tool)
+    named_gripper(config.gripper)
+    for tool in config.grippers:
+        real_tool(tool)
     clock = _Clock()
     rng_bodies, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
     with clock.stage("sequence"):

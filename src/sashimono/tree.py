@@ -10,7 +10,7 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_body, merge_parts
-from sashimono.contact import ContactChoice, ContactConfig, Gripper, choose_contacts, named_gripper
+from sashimono.contact import ContactChoice, ContactConfig, Gripper, choose_contacts, named_gripper, real_tool
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.separation import Separation, names_of
@@ -158,7 +158,7 @@ class TreePlanner:
             config=self.contact,
             rng=rng,
             bodies=bodies,
-            report=[tool for tool in map(named_gripper, self.report) if isinstance(tool, Gripper)],
+            report=[real_tool(tool) for tool in self.report],
             progress=lambda name: progress("contact", next(done), len(order)),
         )
 

@@ -17,6 +17,7 @@ from sashimono.contact.candidates import GraspCandidates, congruence, find_candi
 from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import FingertipTool, Gripper, Tool, proportionate_gripper
+from sashimono.contact.suction import SuctionCup, why_no_suction
 from sashimono.contact.tip_contact import TipGrasps, choose_tip_contact, find_tip_grasps
 from sashimono.geometry.body import Body
 from sashimono.plan import Contact, Motion, Table
@@ -92,14 +93,14 @@ def choose_contacts(
     config: ContactConfig,
     rng: np.random.Generator,
     bodies: Mapping[str, Body] | None = None,
-    report: Sequence[Gripper] = (),
+    report: Sequence[Gripper | SuctionCup] = (),
     progress: Callable[[str], object] | None = None,
 ) -> dict[str, ContactChoice]:
     """Return the contact of each part in an assembly order (base part first), or why it has none.
 
     `FINGERTIPS` asks for two balls that can hold the part, else one that can push it home (`choose_tip_contact`);
-    ``gripper=None`` takes one in proportion to each part (`proportionate_gripper`). For the grippers in ``report`` it
-    is said besides whether each can take the part all the way, looking at ``config.report_candidates`` grasps.
+    ``gripper=None`` takes one in proportion to each part (`proportionate_gripper`). For the tools in ``report`` it is
+    said besides whether each can take the part all the way, looking at ``config.report_candidates`` grasps.
     Parts without a motion are neither held nor in the way. Identical parts share their candidates. ``bodies`` may be
     those of level 2; ``progress`` is called with the name of each part when it is done.
     """
@@ -134,7 +135,7 @@ class _Chooser:
         self,
         assembly: Assembly,
         bodies: Mapping[str, Body],
-        tool: Tool,
+        tool: Tool | SuctionCup,
         config: ContactConfig,
         rng: np.random.Generator,
     ) -> None:
@@ -153,6 +154,10 @@ class _Chooser:
             options = {"body": self._bodies[name], "grasps": grasps, "config": self.config}
             chosen = choose_tip_contact(motion, fixed, resting, table, **options)
             return ContactChoice(chosen.contact, chosen.reason, carry=chosen.carry)
+        if isinstance(self._tool, SuctionCup):
+            most = self.config.max_candidates
+            options = {"cup": self._tool, "config": self.config, "most": most}
+            return ContactChoice(None, why_no_suction(self._bodies[name], motion, fixed + resting, table, **options))
         candidates = self._candidates(name, self._tool)
         return choose_contact(
             self._assembly.part(name),
