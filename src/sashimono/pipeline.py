@@ -58,7 +58,7 @@ class PipelineConfig:
     contacts: bool = True
     """Whether level 3 runs."""
     max_attempts: int = 4
-    """Most sequences that are tried. Where a part's motion fails or is refuted, the next one does without that direction."""
+    """Most sequences that are tried. Where a motion fails or is refuted, the next one does without that direction."""
     contact_attempts: int = 1
     """Of these, sequences tried for the sake of contacts alone: every motion holds, but for some step there is no
     contact, so that its departure is refused in the next. The plan with most parts, then with most contacts, is taken.

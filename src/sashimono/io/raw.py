@@ -46,9 +46,9 @@ class ReadConfig:
     fold_angle: float = 0.4
     """Two neighbouring triangles lie back to back if the angle between them is smaller than this [rad]."""
     fold_step: float = 1e-3
-    """The winding number is asked this far before and behind such a triangle; relative to the root of twice its area."""
+    """The winding number is taken this far before and behind such a triangle, over √(2 area)."""
     max_folds: int = 400
-    """Most triangles of one part for which it is asked."""
+    """Most triangles of one part for which it is taken."""
     smallest: float = 1e-3
     """Assemblies with a smaller diagonal [m] get a note to check the unit."""
     largest: float = 100.0
