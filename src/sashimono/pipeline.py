@@ -21,10 +21,11 @@ from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
+from sashimono.errors import SashimonoError
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
-from sashimono.plan import Answer, AssemblyPlan, Motion, Step, Table, Unsolved, placed_parts
+from sashimono.plan import Answer, AssemblyPlan, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
 from sashimono.tree import Progress, TreePlanner
 from sashimono.verify import StepReport, VerifyConfig, verify_plan
 
@@ -70,15 +71,31 @@ def plan_assembly(
     *,
     config: PipelineConfig | None = None,
     seed: int = 0,
+    resting: RestingPoses | None = None,
     progress: Progress = lambda stage, done, total: None,
 ) -> AssemblyPlan:
     """Plan an assembly: an order, a motion and a contact for each part, checked independently.
 
     The plan is ``complete`` only if every part has a motion and `verify_plan` found nothing wrong;
     otherwise it is ``partial`` and says of each missing part what is known. The same seed gives the
-    same plan, timings apart. Raises SashimonoError for an unknown gripper.
+    same plan, timings apart.
+
+    Args:
+        assembly: Parts in assembled poses.
+        config: Options of every level.
+        seed: Of every random choice.
+        resting: Table and resting poses from elsewhere, each standing by itself; of a subassembly, the pose of the part
+            whose name stands for it. Parts that it does not name are laid out beside them.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        SashimonoError: A gripper is not known, or a resting pose is of no part.
     """
     config = config or PipelineConfig()
+    if unknown := sorted(set() if resting is None else set(resting.poses) - set(assembly.names)):
+        raise SashimonoError(
+            f"{unknown[0]!r} has a resting pose, but is no part. Parts are: {', '.join(assembly.names)}."
+        )
     named_gripper(config.gripper)
     for tool in config.grippers:
         real_tool(tool)
@@ -96,6 +113,7 @@ def plan_assembly(
         gripper=config.gripper,
         report=config.grippers,
         samples=config.samples,
+        resting=resting,
         stage=clock.stage,
     )
     best: _Attempt | None = None

@@ -210,6 +210,15 @@ class Table:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class RestingPoses:
+    """Where parts wait, given from outside: a tray, a feeder, what a camera saw."""
+
+    table: Table
+    poses: Mapping[str, Float[np.ndarray, "4 4"]]
+    """``T_world_part`` of some parts, or of all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class AssemblyPlan:
     """A plan, complete or partial, as written to plan.json."""
 

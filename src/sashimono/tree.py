@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from sashimono.disassembly.separation import Separation, names_of
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.motion import MotionConfig, MotionResult, plan_motions
-from sashimono.plan import DeclaredHelix, Motion, Step, Subassembly, Table, Unsolved
+from sashimono.plan import DeclaredHelix, Motion, RestingPoses, Step, Subassembly, Table, Unsolved
 
 Progress = Callable[[str, int, int], None]
 """Called with (stage, done, total)."""
@@ -56,6 +56,8 @@ class TreePlanner:
     report: tuple[str | Gripper, ...]
     """Grippers of which each step says whether they can take the part."""
     samples: SampleConfig
+    resting: RestingPoses | None
+    """Table and resting poses of the top level, from elsewhere."""
     stage: Callable[[str], AbstractContextManager[None]]
     """Entered with "motion" or "contact" while that level works."""
 
@@ -79,7 +81,9 @@ class TreePlanner:
             if departure.inside is not None:
                 # spawned only for a subassembly: other plans draw the same numbers as before
                 inner, merged[name] = motion_rng.spawn(2)
-                inside[name] = self.plan(departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0])
+                inside[name] = replace(self, resting=None).plan(
+                    departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0]
+                )
         level, bodies = self._level(found, departures, merged)
         order = [names[found.base], *departures]
         stuck = [_stuck(self.assembly, part, separation) for part, separation in found.stuck]
@@ -92,6 +96,7 @@ class TreePlanner:
                 rng=motion_rng,
                 in_place=[entry.part for entry in stuck],
                 bodies=bodies,
+                resting=self.resting,
                 progress=lambda done, total: progress("motion", done, total),
             )
         failed = {entry.part: entry for entry in motions.unsolved}
