@@ -53,7 +53,7 @@ class Motion:
     T_world_part: Float[np.ndarray, "pose 4 4"]
     """Poses from resting to assembled, joined by geodesics; the base part has one."""
     segments: tuple[Segment, ...]
-    """Cover the path, in order; empty for the base part."""
+    """They cover the path, in order. There are none for the base part."""
     evidence: Mapping[str, Any] = field(default_factory=dict)
     """What was measured while planning: ``max_penetration`` and ``tolerance`` [m], ..."""
     times: Float[np.ndarray, "pose"] | None = None

@@ -79,7 +79,7 @@ class TreePlanner:
         merged: dict[str, np.random.Generator] = {}
         for name, departure in departures.items():
             if departure.inside is not None:
-                # without subassemblies nothing is spawned here: their absence leaves a plan as it was
+                # spawned only for a subassembly: other plans draw the same numbers as before
                 inner, merged[name] = motion_rng.spawn(2)
                 inside[name] = replace(self, resting=None).plan(
                     departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0]
@@ -124,7 +124,7 @@ class TreePlanner:
         departures: Mapping[str, Departure],
         merged: Mapping[str, np.random.Generator],
     ) -> tuple[Assembly, Mapping[str, Body]]:
-        """The assembly of this level, each subassembly one part, and its bodies."""
+        """Return the assembly of this level, in which each subassembly is one part, and its bodies."""
         present = {found.base, *(part for part, _ in found.stuck), *(d.part for d in found.removals)}
         if not merged and len(present) == len(self.assembly):
             return self.assembly, self.bodies
@@ -197,7 +197,7 @@ class TreePlanner:
 
 
 def _declared(assembly: Assembly, departure: Departure | None, motion: Motion) -> DeclaredHelix | None:
-    """The declared thread that the end of a motion follows, if its removal had one and the motion kept to it."""
+    """Return the declared thread that the end of a motion follows; None if there is none, or the motion left it."""
     thread = None if departure is None else departure.separation.declared
     if departure is None or thread is None or departure.separation.removal is None:
         return None
@@ -226,7 +226,7 @@ def _stuck(assembly: Assembly, part: int, separation: Separation) -> Unsolved:
 
 
 def _carried(member: str, entry: Unsolved) -> Unsolved:
-    """What is said of a member where its subassembly does not move."""
+    """Return what is said of a member if its subassembly does not move."""
     if member == entry.part:
         return entry
     return Unsolved(
