@@ -222,7 +222,7 @@ def _contact(
     access: Access,
     checked: int,
 ) -> Contact:
-    gripper, opening = access.gripper, candidates.opening(k)
+    gripper, opening = candidates.gripper, candidates.opening(k)
     return Contact(
         kind="grasp",
         points_part=candidates.pairs.points[k],
