@@ -44,7 +44,14 @@ LEVELS = [
 
 ROOMS = {
     "geometry": [{"se3"}, {"mesh"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
-    "io": [{"raw", "names"}, {"mending"}, {"formats"}, {"plan_schema"}, {"checks", "plan_json"}, {"read"}],
+    "io": [
+        {"raw", "names"},
+        {"mending"},
+        {"formats"},
+        {"plan_schema"},
+        {"checks", "plan_json", "resting_file"},
+        {"read"},
+    ],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},

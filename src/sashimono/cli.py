@@ -143,6 +143,10 @@ def plan(
     motion: Annotated[
         str, typer.Option(help="how parts get there: transit and the removal reversed, or rrt: RRT-Connect all the way")
     ] = "removal",
+    resting: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="where parts wait: a .json file with a table and poses, or a plan.json"),
+    ] = None,
     declare_threads: Annotated[
         bool,
         typer.Option(
@@ -164,7 +168,8 @@ def plan(
         find_device(device)
     refuse_unwritable(out)
     options = {"method": method, "device": device, "gripper": gripper, "grippers": grippers, "contacts": contacts}
-    options |= {"motion": motion, "unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
+    options |= {"motion": motion, "resting": resting, "declare_threads": declare_threads}
+    options |= {"unit": unit, "split": split, "seed": seed}
     return plan_and_write(source, out, **options)
 
 

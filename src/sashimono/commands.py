@@ -33,6 +33,7 @@ def plan_and_write(
     grippers: str = "none",
     contacts: bool = True,
     motion: str = "removal",
+    resting: Path | None = None,
     declare_threads: bool = False,
     copy_input: bool = False,
 ) -> int:
@@ -49,6 +50,8 @@ def plan_and_write(
         gripper: What holds the parts: a name, or a .json file.
         grippers: Grippers of which each step says whether they can do it.
         contacts: Whether to choose grasps.
+        motion: How parts get there: by their removal reversed, or by RRT-Connect all the way.
+        resting: A file with the table and resting poses of parts; None to lay all out.
         declare_threads: Whether screws drawn without ridges are turned in.
         copy_input: Whether a copy of the input is written beside the plan.
     """
@@ -57,11 +60,13 @@ def plan_and_write(
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.read import read_assembly
+    from sashimono.io.resting_file import read_resting_poses
     from sashimono.motion import MotionConfig
     from sashimono.pipeline import PipelineConfig, plan_assembly
     from sashimono.tasks import write_results
 
     tool, asked = find_gripper(gripper), find_grippers(grippers)
+    waiting = None if resting is None else read_resting_poses(resting)
     assembly = read_assembly(source, unit=unit, config=reading_options(split))
     for note in assembly.notes:
         typer.echo(f"note: {note}", err=True)
@@ -75,7 +80,7 @@ def plan_and_write(
             contacts=contacts,
             motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion)),
         )
-        found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
+        found = plan_assembly(assembly, config=config, seed=seed, resting=waiting, progress=progress)
     write_results(found, assembly, out, copied=source if copy_input else None)
     for line in summary_lines(found, assembly):
         typer.echo(line)

@@ -21,10 +21,11 @@ from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
+from sashimono.errors import SashimonoError
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
-from sashimono.plan import Answer, AssemblyPlan, Motion, Step, Table, Unsolved, placed_parts
+from sashimono.plan import Answer, AssemblyPlan, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
 from sashimono.tree import Progress, TreePlanner
 from sashimono.verify import StepReport, VerifyConfig, verify_plan
 
@@ -58,7 +59,7 @@ class PipelineConfig:
     contacts: bool = True
     """Whether level 3 runs."""
     max_attempts: int = 4
-    """Sequences tried: each part whose motion fails, or is refuted, is refused that direction in the next."""
+    """Most sequences that are tried. Where a motion fails or is refuted, the next one does without that direction."""
     contact_attempts: int = 1
     """Of these, sequences tried for the sake of contacts alone: every motion holds, but for some step there is no
     contact, so that its departure is refused in the next. The plan with most parts, then with most contacts, is taken.
@@ -70,15 +71,31 @@ def plan_assembly(
     *,
     config: PipelineConfig | None = None,
     seed: int = 0,
+    resting: RestingPoses | None = None,
     progress: Progress = lambda stage, done, total: None,
 ) -> AssemblyPlan:
     """Plan an assembly: an order, a motion and a contact for each part, checked independently.
 
     The plan is ``complete`` only if every part has a motion and `verify_plan` found nothing wrong;
     otherwise it is ``partial`` and says of each missing part what is known. The same seed gives the
-    same plan, timings apart. Raises SashimonoError for an unknown gripper.
+    same plan, timings apart.
+
+    Args:
+        assembly: Parts in assembled poses.
+        config: Options of every level.
+        seed: Of every random choice.
+        resting: Table and resting poses from elsewhere, each standing by itself; of a subassembly, the pose of the part
+            whose name stands for it. Parts that it does not name are laid out beside them.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        SashimonoError: A gripper is not known, or a resting pose is of no part.
     """
     config = config or PipelineConfig()
+    if unknown := sorted(set() if resting is None else set(resting.poses) - set(assembly.names)):
+        raise SashimonoError(
+            f"{unknown[0]!r} has a resting pose, but is no part. Parts are: {', '.join(assembly.names)}."
+        )
     named_gripper(config.gripper)
     for tool in config.grippers:
         real_tool(tool)
@@ -96,12 +113,13 @@ def plan_assembly(
         gripper=config.gripper,
         report=config.grippers,
         samples=config.samples,
+        resting=resting,
         stage=clock.stage,
     )
     best: _Attempt | None = None
     refutations: dict[str, str] = {}
     for_contacts = config.contact_attempts if config.contacts else 0
-    # spawned generators advance: each attempt gets its own, whatever the ones before drew
+    # each attempt has generators of its own, so that what earlier attempts drew does not matter
     for motion_rng, contact_rng in zip(
         rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
     ):
@@ -124,7 +142,7 @@ def plan_assembly(
 
 @dataclass(frozen=True, kw_only=True)
 class _Attempt:
-    """One way down the levels and what the check said of it."""
+    """One attempt: what the three levels made, and what the check said of it."""
 
     steps: tuple[Step, ...]
     table: Table
@@ -151,7 +169,7 @@ def _all_steps(step: Step) -> Iterator[Step]:
 
 
 def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolved:
-    """What is said of a part all of whose ways out were refused, with what the last refusal said."""
+    """Return the entry; if all ways out of the part were refused, with what the last refusal said."""
     if entry.reason != REFUSED.reason or entry.part not in refutations:
         return entry
     return replace(entry, reason=f"{entry.reason}: {refutations[entry.part]}")
@@ -221,7 +239,7 @@ def propose_removals(assembly: Assembly, network: str) -> list[int]:
 
 
 class _Judge:
-    """Takes out what the check refuted: a step that does not hold is no step."""
+    """Takes the steps that the check refuted out of a plan."""
 
     def __init__(self, assembly: Assembly, found: DisassemblyResult, config: PipelineConfig) -> None:
         self._assembly = assembly
@@ -233,7 +251,7 @@ class _Judge:
         """Their departures."""
 
     def hold(self, steps: Sequence[Step], reports: Sequence[StepReport]) -> tuple[Step, ...]:
-        """Return the steps that hold, with what the check measured, on this level and inside subassemblies."""
+        """Return the steps that hold, here and inside subassemblies, each with what the check measured."""
         out: list[Step] = []
         gone: set[str] = set()
         for step, entry in zip(steps, reports, strict=True):
@@ -281,7 +299,7 @@ class _Judge:
             "tolerance": tolerance if entry.allowed is None else entry.allowed,
             "against": entry.against,
         }
-        # a subassembly's base has no departure of its own inside: the name's is that of the whole
+        # inside its subassembly, a base has no departure: the one under its name is that of the whole
         if step.part in self._departures and len(step.motion.T_world_part) > 1:
             evidence["removal_found_by"] = self._departures[step.part].separation.stage
         return replace(step.motion, evidence={**step.motion.evidence, **evidence})

@@ -53,7 +53,7 @@ class Motion:
     T_world_part: Float[np.ndarray, "pose 4 4"]
     """Poses from resting to assembled, joined by geodesics; the base part has one."""
     segments: tuple[Segment, ...]
-    """Cover the path, in order; empty for the base part."""
+    """They cover the path, in order. There are none for the base part."""
     evidence: Mapping[str, Any] = field(default_factory=dict)
     """What was measured while planning: ``max_penetration`` and ``tolerance`` [m], ..."""
     times: Float[np.ndarray, "pose"] | None = None
@@ -207,6 +207,15 @@ class Table:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "normal", frozen_array(self.normal, np.float64))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RestingPoses:
+    """Where parts wait, given from outside: a tray, a feeder, what a camera saw."""
+
+    table: Table
+    poses: Mapping[str, Float[np.ndarray, "4 4"]]
+    """``T_world_part`` of some parts, or of all."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

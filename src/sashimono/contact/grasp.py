@@ -55,9 +55,18 @@ def choose_contact(
     It has the highest Ferrari-Canny quality of those whose gripper is clear of everything in one of several
     approach directions; the search goes in descending order of an upper bound of it. Checked are: the part itself;
     release at the assembled pose and pick-up at the resting pose, opening and straight retreat included, both
-    as exact sweeps; the motion in between, at poses close together. ``obstacles`` stand still: fixed
-    parts in their assembled and resting parts in their resting poses. ``body`` and ``candidates`` (for this
-    gripper) may be given to save building them again.
+    as exact sweeps; the motion in between, at poses close together.
+
+    Args:
+        part: What is held.
+        motion: Its path, from the resting to the assembled pose.
+        obstacles: What stands still: fixed parts in their assembled, resting parts in their resting poses.
+        table: The plane on which parts rest; None for none.
+        gripper: What holds the part.
+        config: Options.
+        rng: Draws the surface samples.
+        body: Of the part; made here if None.
+        candidates: Of the part and this gripper; found here if None.
     """
     if body is None:
         body = make_body(part)
@@ -101,8 +110,19 @@ def choose_contacts(
     `FINGERTIPS` asks for two balls that can hold the part, else one that can push it home (`choose_tip_contact`);
     ``gripper=None`` takes one in proportion to each part (`proportionate_gripper`). For the tools in ``report`` it is
     said besides whether each can take the part all the way, looking at ``config.report_candidates`` grasps.
-    Parts without a motion are neither held nor in the way. Identical parts share their candidates. ``bodies`` may be
-    those of level 2; ``progress`` is called with the name of each part when it is done.
+    Parts without a motion are neither held nor in the way. Identical parts share their candidates.
+
+    Args:
+        assembly: Parts in their assembled poses.
+        order: Assembly order, base part first.
+        motions: Of each part that has one, from level 2.
+        table: The plane on which parts rest; None for none.
+        gripper: What holds the parts; None for jaws in proportion to each.
+        config: Options.
+        rng: Draws the surface samples.
+        bodies: Those of level 2, to share them; made here if None.
+        report: Further tools of which it is said whether they can take each part.
+        progress: Called with the name of each part when it is done.
     """
     if bodies is None:
         bodies = make_bodies(assembly)
@@ -202,7 +222,7 @@ def _contact(
     access: Access,
     checked: int,
 ) -> Contact:
-    gripper, opening = access.gripper, candidates.opening(k)
+    gripper, opening = candidates.gripper, candidates.opening(k)
     return Contact(
         kind="grasp",
         points_part=candidates.pairs.points[k],

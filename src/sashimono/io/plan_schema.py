@@ -13,7 +13,7 @@ from importlib import resources
 from typing import Any
 
 _LARGEST = 10**300
-"""Whole numbers much greater fit no float."""
+"""A whole number much greater than this does not fit into a float."""
 
 _TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),

@@ -13,6 +13,8 @@ from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.motion.config import RestingConfig
 
+_SAME_FACE = float(np.cos(np.radians(2.0)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StablePose:
@@ -79,6 +81,15 @@ def stable_poses(body: Body, config: RestingConfig | None = None) -> tuple[Stabl
     ]
     # rounding keeps mirror-image faces in mesh order, whatever the last bits say
     return tuple(sorted(poses, key=lambda pose: -round(pose.tipping_angle, 6)))
+
+
+def stable_at(body: Body, R_world_part: Float[np.ndarray, "3 3"], normal: Float[np.ndarray, "3"]) -> StablePose:
+    """Return the stable pose that a part turned like this stands in; one that withstands no tilt if there is none."""
+    down = -R_world_part.T @ normal
+    found = max(stable_poses(body), key=lambda pose: float(pose.down_part @ down))
+    if found.down_part @ down > _SAME_FACE:
+        return found
+    return StablePose(down_part=down, margin=0.0, height=body.radius, probability=0.0)
 
 
 def _solid_angles(corners: Float[np.ndarray, "triangle 3 3"]) -> Float[np.ndarray, "triangle"]:

@@ -49,7 +49,7 @@ def render_page(scene: ViewerScene, *, title: str, scripts: Sequence[str]) -> st
         "THREE": _asset("three.bundle.min.js"),
         "VIEWER": own,
     }
-    # split, not replaced one after the other: a piece may contain another's mark
+    # split at the marks once: a piece may contain the mark of another
     chunks = _asset("page.html").split("%%")
     chunks[1::2] = [pieces[name] for name in chunks[1::2]]
     return "".join(chunks)

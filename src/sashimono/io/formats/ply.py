@@ -123,7 +123,7 @@ def _read_binary(elements: list[_Element], body: bytes, encoding: str) -> dict[s
 
 
 def _binary_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dict, int]:
-    """Return one element's columns; in one stroke if all its lists are as long as in the first row."""
+    """Return one element's columns. If all its lists are as long as in the first row, NumPy reads them at once."""
     fields = []
     probe = at
     for p in element.properties:

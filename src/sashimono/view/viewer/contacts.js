@@ -21,6 +21,25 @@ function addTwice(group, geometry, materials, place) {
   });
 }
 
+/** A ball about the origin; the bundle of three.js has no sphere. */
+function ball(radius, around = 32, along = 20) {
+  const normals = [], indices = [];
+  for (let row = 0; row <= along; row++) {
+    for (let column = 0; column <= around; column++) {
+      const polar = Math.PI * row / along, turn = 2 * Math.PI * column / around;
+      normals.push(Math.sin(polar) * Math.cos(turn), Math.cos(polar), -Math.sin(polar) * Math.sin(turn));
+      if (row === along || column === around) continue;
+      const a = row * (around + 1) + column, b = a + around + 1;
+      indices.push(a, b, a + 1, a + 1, b, b + 1);
+    }
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(normals.map((value) => value * radius)), 3));
+  geometry.setAttribute("normal", new THREE.BufferAttribute(new Float32Array(normals), 3));
+  geometry.setIndex(indices);
+  return geometry;
+}
+
 class Contacts {
   constructor(plan, bodies, sceneSize) {
     this.plan = plan;
@@ -75,7 +94,7 @@ class Contacts {
   /** A fingertip in its true size: a ball that touches the surface from outside. */
   #tip(point, normal, radius) {
     const center = new THREE.Vector3(...point).addScaledVector(new THREE.Vector3(...normal).normalize(), -radius);
-    addTwice(this.group, new THREE.SphereGeometry(radius, 32, 20), this.gripperMaterials, (mesh) => mesh.position.copy(center));
+    addTwice(this.group, ball(radius), this.gripperMaterials, (mesh) => mesh.position.copy(center));
   }
 
   #arrow(point, normal, scale, materials = this.materials) {
