@@ -19,7 +19,7 @@ from common import SHARED, chosen, kind_of, machine, parser, table, write_json
 
 import sashimono
 from sashimono import pipeline, tree
-from sashimono.contact import PRESETS
+from sashimono.contact import REAL_TOOLS
 from sashimono.pipeline import PipelineConfig
 
 
@@ -29,11 +29,11 @@ def main() -> None:
     arguments = options.parse_args()
     rows: list[dict[str, Any]] = []
     for folder in chosen(SHARED / "assemblies", arguments.names):
-        rows += measure(folder, tuple(PRESETS) if arguments.grippers else ())
+        rows += measure(folder, REAL_TOOLS if arguments.grippers else ())
         print(f"{folder.name}: {sum(row['assembly'] == folder.name for row in rows)} steps", flush=True)
     summary = summarise(rows)
     write_json(arguments.json, {"machine": machine(), "summary": summary, "steps": rows})
-    head = ("kind", "steps", "contact", "grasp", "taken over", "push", "wrong", "median ms", *PRESETS)
+    head = ("kind", "steps", "contact", "grasp", "taken over", "push", "wrong", "median ms", *REAL_TOOLS)
     print(table(head, ([kind, *values.values()] for kind, values in summary.items())))
 
 
@@ -101,7 +101,7 @@ def summarise(rows: list[dict[str, Any]]) -> dict[str, dict[str, object]]:
             "push": sum(row["contact"] == "push" for row in group),
             "wrong": sum(row["wrong"] for row in group),
             "median ms": round(statistics.median(row["milliseconds"] for row in group), 1),
-            **{name: sum(row["grippers"].get(name, False) for row in group) for name in PRESETS},
+            **{name: sum(row["grippers"].get(name, False) for row in group) for name in REAL_TOOLS},
         }
         for kind, group in sorted(kinds.items(), key=lambda item: (item[0] == "all", item[0]))
     }

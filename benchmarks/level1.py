@@ -57,7 +57,7 @@ def measure(name: str, assembly: Assembly, config: SeparateConfig) -> dict[str, 
         result = find_disassembly(cascade, config=SequenceConfig())
         seconds.append((middle - start, time.process_time() - middle))
     first, second = np.median(seconds[1:], axis=0).tolist()
-    everything = cascade.blocking.all_parts
+    everything = cascade.parts.all_parts
     begin = time.process_time()
     for _ in range(100):
         conditions.removable(everything)

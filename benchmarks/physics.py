@@ -26,14 +26,14 @@ from scipy.spatial.transform import Rotation
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.contact import ContactConfig, Executability
-from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
 from sashimono.verify import VerifyConfig
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.overlap import AssembledOverlaps
 from sashimono.verify.pairs import check_pair, pair_tolerance
 from sashimono.verify.sweep import Screws
@@ -98,15 +98,15 @@ def measure(
     for pose, moved in (("as read", assembly), ("rotated", rotated(assembly, T))):
         start = time.perf_counter()
         bodies = make_bodies(moved)
-        blocking = Blocking(moved, bodies, config=BlockingConfig())
-        for body in blocking.bodies:
+        parts = PlacedParts(moved, bodies, config=PlacedPartsConfig())
+        for body in parts.bodies:
             assert body.signed_distance is not None
             assert len(body.hull_points)
         before = round(1e3 * (time.perf_counter() - start), 1)
         for variant in variants:
             if pose == "rotated" and not variant.rotated:
                 continue
-            found, counted = run(moved, bodies, blocking, variant, max_traced)
+            found, counted = run(moved, bodies, parts, variant, max_traced)
             yield {
                 "name": folder.name,
                 "kind": kind_of(folder.name, len(assembly)),
@@ -123,7 +123,7 @@ def measure(
 
 
 def run(
-    assembly: Assembly, bodies: dict, blocking: Blocking, variant: Variant, max_traced: int
+    assembly: Assembly, bodies: dict, parts: PlacedParts, variant: Variant, max_traced: int
 ) -> tuple[DisassemblyResult, dict]:
     """Return what one variant found, and what it took."""
     config = Algorithm1Config(physics=variant.physics, workers=variant.workers, max_traced=max_traced)
@@ -132,7 +132,7 @@ def run(
         rng = np.random.default_rng(0)
         options["is_executable"] = Executability(assembly, bodies, gripper=None, config=ContactConfig(), rng=rng)
     wall, processor = time.perf_counter(), time.process_time()
-    found = plan_disassembly(blocking, config=config, **options)
+    found = plan_disassembly(parts, config=config, **options)
     ms = 1e3 * (time.perf_counter() - wall)
     return found, {"ms": round(ms, 1), "cpu_ms": round(1e3 * (time.process_time() - processor), 1)}
 
@@ -141,7 +141,8 @@ def refuted(assembly: Assembly, found: DisassemblyResult) -> list[str]:
     """Return what the check finds wrong with the removals."""
     config = VerifyConfig()
     bodies = {
-        part.name: Body(part.name, part.vertices_part, part.faces, samples=config.samples) for part in assembly.parts
+        part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=config.samples)
+        for part in assembly.parts
     }
     poses = {part.name: part.T_world_part for part in assembly.parts}
     overlaps = AssembledOverlaps(bodies, poses)

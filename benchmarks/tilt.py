@@ -71,7 +71,7 @@ def ask(case: TiltCase, T: np.ndarray, *, is_open: bool) -> dict:
     assembly = moved(case.assembly(is_open=is_open), T)
     cascade = Cascade(assembly, make_bodies(assembly), config=SeparateConfig())
     start = time.process_time()
-    found = cascade.separate(MOVING, cascade.blocking.all_parts)
+    found = cascade.separate(MOVING, cascade.parts.all_parts)
     spent = time.process_time() - start
     refuted = []
     if found.removal is not None:
@@ -95,7 +95,7 @@ def search(case: TiltCase, growth: str, seeds: int) -> dict:
     start = time.process_time()
     found = [
         search_tilt(
-            cascade.blocking, MOVING, [0], config=TiltConfig(growth="rrt" if growth == "rrt" else "est", seed=seed)
+            cascade.parts, MOVING, [0], config=TiltConfig(growth="rrt" if growth == "rrt" else "est", seed=seed)
         )
         for seed in range(seeds)
     ]

@@ -27,6 +27,7 @@ from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
 from sashimono.geometry.features.directions import sphere_directions
 from sashimono.io.read import read_assembly
@@ -134,10 +135,10 @@ def names_in(assembly: Assembly, mask: int) -> list[str]:
 
 def cascade_misses(cascade: Cascade, part: int, sets: list[int]) -> bool:
     """Return whether some even direction frees the part from one of the smallest of these sets."""
-    table_ = cascade.blocking
+    parts = cascade.parts
     for others in minimal(remaining & ~(1 << part) for remaining in sets):
         for direction in sphere_directions(2000):
-            if all(np.isinf(table_.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
+            if all(np.isinf(free_travel(parts, part, np.zeros(3), direction, other)) for other in bits(others)):
                 return True
     return False
 

@@ -11,6 +11,7 @@ from typing import Any
 import hypothesis
 import numba
 import pytest
+from allowed_skips import SHARED, STRICT, is_allowed
 from jaxtyping import install_import_hook
 
 # Array shapes are checked while testing, not in production; must come before the first import of the package.
@@ -33,7 +34,41 @@ hypothesis.settings.register_profile("reproducible", derandomize=True, deadline=
 hypothesis.settings.load_profile("reproducible")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-SHARED = Path(os.environ.get("SASHIMONO_SHARED", REPOSITORY.parent / "shared"))
+
+
+pytest_plugins = ["pytester"]
+
+_refused: list[str] = []
+
+
+def _note_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
+    """Keep a skip that is not on the list of those allowed; an expected failure is no skip."""
+    if not report.skipped or hasattr(report, "wasxfail"):
+        return
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    if not is_allowed(reason):
+        _refused.append(f"{report.nodeid}: {reason}")
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    _note_skip(report)
+
+
+def pytest_collectreport(report: pytest.CollectReport) -> None:
+    _note_skip(report)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail the run for skips that are not on the list, where that is asked for."""
+    if _refused and os.environ.get(STRICT) == "1" and session.exitstatus in (0, 5):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    if _refused and os.environ.get(STRICT) == "1":
+        terminalreporter.section("skips that tests/allowed_skips.py does not list")
+        for line in _refused:
+            terminalreporter.line(line)
 
 
 def _shared_folder(name: str) -> Path:

@@ -60,9 +60,9 @@ def linked_rings() -> Assembly:
 
 
 def l_tunnel() -> Assembly:
-    """A cube in the elbow of a tunnel with a bend: it leaves by two translations, not by one."""
+    """A cube at the closed end of a tunnel with a bend: it leaves by two translations, not by one."""
     block = box((0.06, 0.06, 0.06))
-    block -= box((0.01, 0.01, 0.05), (0.0, 0.0, -0.01))
+    block -= box((0.01, 0.01, 0.04), (0.0, 0.0, -0.005))
     block -= box((0.05, 0.01, 0.01), (0.02, 0.0, 0.01))
     return assembly(block=block, cube=box((0.01, 0.01, 0.01), (0.0, 0.0, -0.02)) ^ box((1.0, 1.0, 1.0)))
 

@@ -22,7 +22,7 @@ PACKAGE = REPOSITORY / "src" / "sashimono"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
-    {"errors"},
+    {"errors", "files"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
@@ -35,6 +35,7 @@ LEVELS = [
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
+    {"tasks", "notebook"},
     {"commands"},
     {"cli_dataset", "cli_learning"},
     {"cli"},
@@ -43,12 +44,20 @@ LEVELS = [
 
 ROOMS = {
     "geometry": [{"se3"}, {"mesh"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
-    "io": [{"raw", "names"}, {"mending"}, {"formats"}, {"plan_schema"}, {"checks", "plan_json"}, {"read"}],
+    "io": [
+        {"raw", "names"},
+        {"mending"},
+        {"formats"},
+        {"plan_schema"},
+        {"checks", "plan_json", "resting_file"},
+        {"read"},
+    ],
     "disassembly": [
-        {"masks", "removal", "refusal"},
-        {"separation"},
+        {"masks", "removal", "refusal", "tolerances"},
+        {"separation", "placed_parts"},
+        {"free_travel"},
+        {"paths", "shared_bodies"},
         {"blocking"},
-        {"paths"},
         {"translation", "threads", "physics", "tilting"},
         {"config", "inquiry"},
         {"conditions"},

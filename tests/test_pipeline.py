@@ -1,15 +1,21 @@
 """The three levels composed: complete plans hold, partial ones say why, the seed decides."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from solids import assembly, box, box_with_lid, linked_rings, part, peg_in_plate, rod, sealed_box
 
+from sashimono import tree
 from sashimono.assembly import Assembly
-from sashimono.errors import SashimonoError
+from sashimono.contact.grasp import ContactChoice
+from sashimono.errors import InputError, SashimonoError
 from sashimono.geometry import se3
-from sashimono.io.plan_json import plan_to_json
+from sashimono.io.plan_json import plan_to_json, write_plan
+from sashimono.io.resting_file import read_resting_poses
 from sashimono.pipeline import PipelineConfig, plan_assembly
-from sashimono.plan import Answer, AssemblyPlan
+from sashimono.plan import Answer, AssemblyPlan, RestingPoses, Table
 from sashimono.verify import verify_plan
 
 
@@ -63,6 +69,41 @@ def test_a_step_without_a_grasp_says_so() -> None:
     assert plan.status == "complete"
 
 
+def test_an_order_whose_step_has_no_contact_is_left_for_one_that_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing can hold the block on its way down: it is slid in."""
+    parts = assembly(plate=box((0.2, 0.2, 0.02)), block=box((0.03, 0.03, 0.03), (0.0, 0.0, 0.025)))
+    choose = tree.choose_contacts
+
+    def grudging(level, order, motions, table, **options):
+        found = choose(level, order, motions, table, **options)
+        comes_down = {
+            name for name, motion in motions.items() if np.ptp(motion.T_world_part[-2:, 2, 3]) > 1e-9
+        }  # the last leg
+        return {
+            name: contact._replace(contact=None, reason="held by nothing") if name in comes_down else contact
+            for name, contact in found.items()
+        }
+
+    monkeypatch.setattr(tree, "choose_contacts", grudging)
+    plan = plan_assembly(parts)
+    assert plan.status == "complete"
+    step = plan.steps[1]
+    assert step.contact is not None
+    assert np.ptp(step.motion.T_world_part[-2:, 2, 3]) < 1e-9
+    only = plan_assembly(parts, config=PipelineConfig(contact_attempts=0)).steps[1]
+    assert only.contact is None
+    assert only.contact_reason == "held by nothing"
+
+
+def test_no_contact_anywhere_costs_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = ContactChoice(None, "held by nothing")
+    monkeypatch.setattr(tree, "choose_contacts", lambda level, order, *rest, **options: dict.fromkeys(order, nothing))
+    plan = plan_assembly(peg_in_plate())
+    assert plan.status == "complete"
+    assert plan.unsolved == ()
+    assert plan.steps[1].contact_reason == "held by nothing"
+
+
 def test_an_unknown_gripper_is_refused_before_any_work() -> None:
     with pytest.raises(SashimonoError, match=r"not known\. Choose one of"):
         plan_assembly(peg_in_plate(), config=PipelineConfig(gripper="tweezers"))
@@ -104,3 +145,50 @@ def test_an_overlap_is_part_of_the_evidence() -> None:
     evidence = plan.steps[1].motion.evidence
     assert evidence["against"] == plan.order[0]
     assert 0.002 < evidence["max_penetration"] <= evidence["tolerance"]
+
+
+def test_parts_wait_where_they_are_said_to(tmp_path: Path) -> None:
+    parts = box_with_lid()
+    free = plan_assembly(parts)
+    moved = {step.part: step.motion.T_world_part[0].copy() for step in free.steps[1:]}
+    name = free.order[1]
+    moved[name][:3, 3] += np.array([0.5, 0.25, 0.0])
+    assert free.table is not None
+    document = {
+        "table": {"normal": free.table.normal.tolist(), "offset": free.table.offset},
+        "parts": {name: moved[name].tolist()},
+    }
+    file = tmp_path / "tray.json"
+    file.write_text(json.dumps(document))
+    plan = plan_assembly(parts, resting=read_resting_poses(file))
+    assert plan.status == "complete"
+    step = next(step for step in plan.steps if step.part == name)
+    np.testing.assert_allclose(step.motion.T_world_part[0], moved[name], atol=1e-12)
+    # a plan is such a file too
+    written = tmp_path / "plan.json"
+    write_plan(free, written)
+    again = plan_assembly(parts, resting=read_resting_poses(written))
+    for before, after in zip(free.steps, again.steps, strict=True):
+        np.testing.assert_allclose(after.motion.T_world_part[0], before.motion.T_world_part[0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({}, "parts is missing"),
+        ({"parts": {"lid": np.eye(4).tolist()}}, "table is missing"),
+        ({"table": {"normal": [0, 0, 2], "offset": 0}, "parts": {"lid": np.eye(4).tolist()}}, "no unit vector"),
+        ({"table": {"normal": [0, 0, 1], "offset": 0}, "parts": {"lid": [[1, 2], [3, 4]]}}, "lid is no rigid"),
+    ],
+)
+def test_a_broken_file_of_resting_poses_is_one_clear_line(tmp_path: Path, document: dict, said: str) -> None:
+    file = tmp_path / "tray.json"
+    file.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=said):
+        read_resting_poses(file)
+
+
+def test_a_resting_pose_of_no_part_is_refused() -> None:
+    tray = RestingPoses(table=Table(normal=np.array([0.0, 0.0, 1.0]), offset=0.0), poses={"ghost": np.eye(4)})
+    with pytest.raises(SashimonoError, match="ghost"):
+        plan_assembly(peg_in_plate(), resting=tray)

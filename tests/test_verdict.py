@@ -10,10 +10,10 @@ from sashimono.bodies import make_bodies, make_body
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.physics.search import PhysicsConfig
 from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
-from sashimono.disassembly.sequence.reasons import VerdictConfig, least_give
+from sashimono.disassembly.sequence.reasons import VerdictConfig, least_interference
 from sashimono.geometry.overlap import intersection_depth
 from sashimono.verify import VerifyConfig
-from sashimono.verify.body import Body as CheckedBody
+from sashimono.verify.body import SampledBody as CheckedBody
 from sashimono.verify.overlap import intersection
 
 
@@ -32,10 +32,10 @@ def test_a_snap_fit_says_how_deep_the_part_would_go() -> None:
     ring = rod(10e-3, 20e-3) - rod(6e-3, 14e-3) - rod(5e-3, 40e-3)
     given = assembly(ring=ring, bead=rod(5.5e-3, 4e-3))
     cascade = Cascade(given, make_bodies(given), config=SeparateConfig(physics=PhysicsConfig(max_pushes=0)))
-    give = least_give(cascade.blocking, 1, [0], config=VerdictConfig())
-    assert give is not None
-    assert give.depth == pytest.approx(0.5e-3, rel=0.03)
-    assert abs(give.direction[2]) == pytest.approx(1.0)
+    interference = least_interference(cascade.parts, 1, [0], config=VerdictConfig())
+    assert interference is not None
+    assert interference.depth == pytest.approx(0.5e-3, rel=0.03)
+    assert abs(interference.direction[2]) == pytest.approx(1.0)
     found = find_disassembly(cascade, config=SequenceConfig())
     ((part, separation),) = found.stuck
     assert f"straight out, {given.names[part]} goes at least 0.5" in separation.reason

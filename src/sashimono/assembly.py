@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -17,6 +19,26 @@ def frozen_array(values: object, dtype: type) -> np.ndarray:
     array = np.array(values, dtype=dtype, order="C", copy=True)
     array.setflags(write=False)
     return array
+
+
+def size_words(bounds: np.ndarray) -> str:
+    """Return the edges of a box given by two corners [m], in millimetres."""
+    return f"{' × '.join(f'{1e3 * edge:.4g}' for edge in bounds[1] - bounds[0])} mm"
+
+
+def few_words(names: Sequence[str], most: int = 4) -> str:
+    """Return names separated by commas, the first ones if there are many."""
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
+
+
+def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table as HTML; what is in it may be any text."""
+
+    def cells(tag: str, row: Sequence[str]) -> str:
+        return "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in row)
+
+    body = "".join(f"<tr>{cells('td', row)}</tr>" for row in rows)
+    return f"<table><caption>{html.escape(caption)}</caption><tr>{cells('th', head)}</tr>{body}</table>"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +59,9 @@ class Part:
         object.__setattr__(self, "vertices_part", frozen_array(self.vertices_part, np.float64))
         object.__setattr__(self, "faces", frozen_array(self.faces, np.int32))
         object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part, np.float64))
+
+    def __repr__(self) -> str:
+        return f"Part({self.name!r}, {len(self.faces)} triangles, {size_words(self.bounds_world)})"
 
     @cached_property
     def vertices_world(self) -> Float[np.ndarray, "vertex 3"]:
@@ -94,6 +119,33 @@ class Assembly:
 
     def __len__(self) -> int:
         return len(self.parts)
+
+    def __repr__(self) -> str:
+        size = f", {size_words(self.bounds_world)}" if self.parts else ""
+        source = f", from {self.source.path}" if self.source is not None and self.source.path else ""
+        return f"Assembly({len(self)} parts: {few_words(self.names)}{size}{source})"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the parts, as a notebook shows it; `sashimono.show` shows them in 3D."""
+        return html_table(
+            repr(self),
+            ("part", "size", "triangles", "overlaps"),
+            [
+                (
+                    part.name,
+                    size_words(part.bounds_world),
+                    str(len(part.faces)),
+                    few_words(
+                        [
+                            o.second if o.first == part.name else o.first
+                            for o in self.overlaps
+                            if part.name in (o.first, o.second)
+                        ]
+                    ),
+                )
+                for part in self.parts
+            ],
+        )
 
     @property
     def names(self) -> tuple[str, ...]:

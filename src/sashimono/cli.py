@@ -26,7 +26,6 @@ from sashimono.outputs import refuse_bad_files, refuse_unwritable, replacing_tog
 
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
-    from sashimono.disassembly.cascade import Cascade
 
 METHODS = ("cascade", "physics", "past")
 """What ``--method`` takes in this version."""
@@ -141,6 +140,13 @@ def plan(
         typer.Option(metavar="NAMES", help="say of each step which of these grippers can do it: all, none, or names"),
     ] = "none",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
+    motion: Annotated[
+        str, typer.Option(help="how parts get there: transit and the removal reversed, or rrt: RRT-Connect all the way")
+    ] = "removal",
+    resting: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="where parts wait: a .json file with a table and poses, or a plan.json"),
+    ] = None,
     declare_threads: Annotated[
         bool,
         typer.Option(
@@ -152,6 +158,8 @@ def plan(
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
         raise SashimonoError(f"--method {method} is not in this version. Choose one of: {', '.join(METHODS)}.")
+    if motion not in ("removal", "rrt"):
+        raise SashimonoError(f"--motion {motion} is not in this version. Choose one of: removal, rrt.")
     if device is not None and method != "physics":
         raise SashimonoError(f"--device {device} is for --method physics. Leave it out, or choose that method.")
     if device is not None:
@@ -160,7 +168,8 @@ def plan(
         find_device(device)
     refuse_unwritable(out)
     options = {"method": method, "device": device, "gripper": gripper, "grippers": grippers, "contacts": contacts}
-    options |= {"unit": unit, "split": split, "seed": seed, "declare_threads": declare_threads}
+    options |= {"motion": motion, "resting": resting, "declare_threads": declare_threads}
+    options |= {"unit": unit, "split": split, "seed": seed}
     return plan_and_write(source, out, **options)
 
 
@@ -198,11 +207,12 @@ def conditions(
     from sashimono.disassembly.conditions.and_or import and_or_graph
     from sashimono.disassembly.conditions.orders import conditions_as_dict
     from sashimono.io.read import read_assembly
+    from sashimono.tasks import find_conditions
 
     targets = {"--json": json_file, "--graph": graph_file}
     refuse_bad_files(targets)
     assembly = read_assembly(source, unit=unit, config=reading_options(split))
-    found = _cascade(assembly, seed, max_queries=thorough).conditions()
+    found = find_conditions(assembly, thorough=thorough, seed=seed)
     written = conditions_as_dict(found)
     write_json(json_file, written)
     if graph_file is not None:
@@ -237,7 +247,7 @@ def explain(
 
     Exit status 0 if it can leave, 3 if not.
     """
-    from sashimono.disassembly.explanation.explain import explain_part, explain_stuck
+    from sashimono import tasks
     from sashimono.disassembly.explanation.report import explanation_lines, explanations_as_dict
     from sashimono.io.read import read_assembly
     from sashimono.plan import Answer
@@ -247,9 +257,8 @@ def explain(
     assembly = read_assembly(source, unit=unit, config=reading_options(split))
     staying = None if fixed is None else _names_in(fixed, assembly, option="--fixed")
     if part is not None and part not in assembly.names:
-        raise SashimonoError(f"--part: {_no_such_part(part, assembly)}")
-    cascade = _cascade(assembly, seed)
-    found = explain_stuck(cascade, staying) if part is None else (explain_part(cascade, part, staying),)
+        raise SashimonoError(f"--part: {tasks.no_such_part(part, assembly)}")
+    found = tasks.explain(assembly, part, staying, seed=seed)
     for line in (line for entry in found for line in explanation_lines(entry)):
         typer.echo(line)
     if not found:
@@ -265,25 +274,10 @@ def explain(
 
 def _names_in(text: str, assembly: Assembly, *, option: str) -> list[str]:
     """Split names at commas, unless the whole is one name; SashimonoError for those that the assembly has not."""
+    from sashimono.tasks import no_such_part
+
     names = [text] if text in assembly.names else [name.strip() for name in text.split(",") if name.strip()]
     for name in names or [text]:
         if name not in assembly.names:
-            raise SashimonoError(f"{option}: {_no_such_part(name, assembly)}")
+            raise SashimonoError(f"{option}: {no_such_part(name, assembly)}")
     return names
-
-
-def _no_such_part(name: str, assembly: Assembly) -> str:
-    from difflib import get_close_matches
-
-    near = get_close_matches(name, assembly.names, n=3) or assembly.names[:8]
-    return f"there is no part {name!r}. There is: {', '.join(near)}{', ...' if len(near) < len(assembly) else ''}"
-
-
-def _cascade(assembly: Assembly, seed: int, *, max_queries: int = 1) -> Cascade:
-    import numpy as np
-
-    from sashimono.bodies import make_bodies
-    from sashimono.disassembly.cascade import Cascade, SeparateConfig
-
-    config = SeparateConfig(max_queries=max_queries)
-    return Cascade(assembly, make_bodies(assembly, rng=np.random.default_rng(seed)), config=config)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
 import typer
 
 from sashimono.errors import SashimonoError
-from sashimono.outputs import replacing_together
 
 if TYPE_CHECKING:
-    from sashimono.assembly import Assembly
     from sashimono.contact import Gripper
     from sashimono.io.raw import ReadConfig
-    from sashimono.plan import AssemblyPlan
 
 OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
 """Exit status."""
@@ -37,17 +32,41 @@ def plan_and_write(
     gripper: str = "fingertips",
     grippers: str = "none",
     contacts: bool = True,
+    motion: str = "removal",
+    resting: Path | None = None,
     declare_threads: bool = False,
     copy_input: bool = False,
 ) -> int:
+    """Read an input, plan it, write the results and say what came of it; return the exit status.
+
+    Args:
+        source: The file or folder to read.
+        out: The folder to write into.
+        unit: Unit of the input where its format has none.
+        split: Which parts of several solids are taken apart.
+        seed: Of every random choice.
+        method: How removals are found.
+        device: Warp device on which Algorithm 1 simulates; None for the simulation without Warp.
+        gripper: What holds the parts: a name, or a .json file.
+        grippers: Grippers of which each step says whether they can do it.
+        contacts: Whether to choose grasps.
+        motion: How parts get there: by their removal reversed, or by RRT-Connect all the way.
+        resting: A file with the table and resting poses of parts; None to lay all out.
+        declare_threads: Whether screws drawn without ridges are turned in.
+        copy_input: Whether a copy of the input is written beside the plan.
+    """
     from sashimono.console import progress_display, summary_lines
     from sashimono.disassembly.cascade import SeparateConfig
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.read import read_assembly
+    from sashimono.io.resting_file import read_resting_poses
+    from sashimono.motion import MotionConfig
     from sashimono.pipeline import PipelineConfig, plan_assembly
+    from sashimono.tasks import write_results
 
     tool, asked = find_gripper(gripper), find_grippers(grippers)
+    waiting = None if resting is None else read_resting_poses(resting)
     assembly = read_assembly(source, unit=unit, config=reading_options(split))
     for note in assembly.notes:
         typer.echo(f"note: {note}", err=True)
@@ -59,9 +78,10 @@ def plan_and_write(
             gripper=tool,
             grippers=asked,
             contacts=contacts,
+            motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion)),
         )
-        found = plan_assembly(assembly, config=config, seed=seed, progress=progress)
-    _write(found, assembly, out, copied=source if copy_input else None)
+        found = plan_assembly(assembly, config=config, seed=seed, resting=waiting, progress=progress)
+    write_results(found, assembly, out, copied=source if copy_input else None)
     for line in summary_lines(found, assembly):
         typer.echo(line)
     typer.echo(f"written: {', '.join(str(out / name) for name in ('plan.json', 'plan.glb'))}")
@@ -71,27 +91,27 @@ def plan_and_write(
 
 def find_gripper(name: str) -> str | Gripper:
     """Return a gripper's name, or the gripper that a .json file describes; SashimonoError where there is none."""
-    from sashimono.contact import gripper_from_fields, named_gripper
+    from sashimono.contact import named_gripper
+    from sashimono.tasks import read_gripper
 
-    if not name.endswith(".json"):
-        named_gripper(name)
-        return name
-    try:
-        fields = json.loads(Path(name).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise SashimonoError(f"{name}: cannot be read as a gripper: {error}") from error
-    if not isinstance(fields, dict):
-        raise SashimonoError(f"{name}: not one JSON object with the fields of a gripper.")
-    return gripper_from_fields(fields, name)
+    if name.endswith(".json"):
+        return read_gripper(name)
+    named_gripper(name)
+    return name
 
 
 def find_grippers(names: str) -> tuple[str | Gripper, ...]:
-    """Return the grippers that ``--grippers`` names: none, all (the real ones), or some, separated by commas."""
-    from sashimono.contact import PRESETS
+    """Return the tools that ``--grippers`` names: none, all (the real ones), or some, separated by commas."""
+    from sashimono.contact import REAL_TOOLS, real_tool
 
     if names == "none":
         return ()
-    return tuple(PRESETS) if names == "all" else tuple(find_gripper(name.strip()) for name in names.split(","))
+    if names == "all":
+        return REAL_TOOLS
+    asked = tuple(name if name == "vacuum-cup" else find_gripper(name) for name in map(str.strip, names.split(",")))
+    for tool in asked:
+        real_tool(tool)
+    return asked
 
 
 def reading_options(split: str) -> ReadConfig:
@@ -101,21 +121,3 @@ def reading_options(split: str) -> ReadConfig:
     if split not in SPLITS:
         raise SashimonoError(f"--split {split} is not known. Choose one of: {', '.join(SPLITS)}.")
     return ReadConfig(split=cast("Literal['auto', 'all', 'none']", split))
-
-
-def _write(found: AssemblyPlan, assembly: Assembly, out: Path, *, copied: Path | None) -> None:
-    """Write the plan, the page and the animation, all or none; if asked, with a copy of the input that it names."""
-    from dataclasses import replace
-
-    from sashimono.io.plan_json import write_plan
-    from sashimono.view import write_glb, write_html
-
-    with replacing_together(out) as folder:
-        if copied is not None:
-            (folder / copied.name).write_bytes(copied.read_bytes())
-        # from the plan's folder, so that the plan finds its input wherever it is read
-        path = copied.name if copied is not None else os.path.relpath(found.source.path, out)
-        found = replace(found, source=replace(found.source, path=Path(path).as_posix()))
-        write_html(found, assembly, folder / "plan.html")
-        write_glb(found, assembly, folder / "plan.glb")
-        write_plan(found, folder / "plan.json")

@@ -14,17 +14,18 @@ import numpy as np
 from sashimono import __version__
 from sashimono.assembly import Assembly, Source
 from sashimono.bodies import make_bodies
-from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper
+from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper, real_tool
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
+from sashimono.errors import SashimonoError
 from sashimono.geometry.body import SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
-from sashimono.plan import Answer, AssemblyPlan, Motion, Step, Table, Unsolved, placed_parts
+from sashimono.plan import Answer, AssemblyPlan, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
 from sashimono.tree import Progress, TreePlanner
 from sashimono.verify import StepReport, VerifyConfig, verify_plan
 
@@ -58,7 +59,11 @@ class PipelineConfig:
     contacts: bool = True
     """Whether level 3 runs."""
     max_attempts: int = 4
-    """Sequences tried: each part whose motion fails, or is refuted, is refused that direction in the next."""
+    """Most sequences that are tried. Where a motion fails or is refuted, the next one does without that direction."""
+    contact_attempts: int = 1
+    """Of these, sequences tried for the sake of contacts alone: every motion holds, but for some step there is no
+    contact, so that its departure is refused in the next. The plan with most parts, then with most contacts, is taken.
+    """
 
 
 def plan_assembly(
@@ -66,17 +71,34 @@ def plan_assembly(
     *,
     config: PipelineConfig | None = None,
     seed: int = 0,
+    resting: RestingPoses | None = None,
     progress: Progress = lambda stage, done, total: None,
 ) -> AssemblyPlan:
     """Plan an assembly: an order, a motion and a contact for each part, checked independently.
 
     The plan is ``complete`` only if every part has a motion and `verify_plan` found nothing wrong;
     otherwise it is ``partial`` and says of each missing part what is known. The same seed gives the
-    same plan, timings apart. Raises SashimonoError for an unknown gripper.
+    same plan, timings apart.
+
+    Args:
+        assembly: Parts in assembled poses.
+        config: Options of every level.
+        seed: Of every random choice.
+        resting: Table and resting poses from elsewhere, each standing by itself; of a subassembly, the pose of the part
+            whose name stands for it. Parts that it does not name are laid out beside them.
+        progress: Called with (stage, done, total).
+
+    Raises:
+        SashimonoError: A gripper is not known, or a resting pose is of no part.
     """
     config = config or PipelineConfig()
-    for tool in (config.gripper, *config.grippers):
-        named_gripper(tool)
+    if unknown := sorted(set() if resting is None else set(resting.poses) - set(assembly.names)):
+        raise SashimonoError(
+            f"{unknown[0]!r} has a resting pose, but is no part. Parts are: {', '.join(assembly.names)}."
+        )
+    named_gripper(config.gripper)
+    for tool in config.grippers:
+        real_tool(tool)
     clock = _Clock()
     rng_bodies, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
     with clock.stage("sequence"):
@@ -91,22 +113,28 @@ def plan_assembly(
         gripper=config.gripper,
         report=config.grippers,
         samples=config.samples,
+        resting=resting,
         stage=clock.stage,
     )
     best: _Attempt | None = None
     refutations: dict[str, str] = {}
-    # spawned generators advance: each attempt gets its own, whatever the ones before drew
+    for_contacts = config.contact_attempts if config.contacts else 0
+    # each attempt has generators of its own, so that what earlier attempts drew does not matter
     for motion_rng, contact_rng in zip(
         rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
     ):
         attempt = _attempt(planner, cascade, refused, config, (motion_rng, contact_rng), progress)
         refutations |= attempt.refutations
-        if best is None or len(placed_parts(attempt.steps)) > len(placed_parts(best.steps)):
+        if best is None or attempt.worth > best.worth:
             best = attempt
-        if not attempt.refused - refused:
+        again = attempt.refused - refused
+        if not again and for_contacts > 0:
+            for_contacts -= 1
+            again = attempt.contactless - refused
+        if not again:
             break
-        refused |= attempt.refused
-        logger.info("going back to level 1 without %s", sorted(map(str, attempt.refused)))
+        refused |= again
+        logger.info("going back to level 1 without %s", sorted(map(str, again)))
     assert best is not None, "at least one attempt is made"
     unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
     return _plan(assembly, replace(best, unsolved=unsolved), config, seed, clock)
@@ -114,20 +142,34 @@ def plan_assembly(
 
 @dataclass(frozen=True, kw_only=True)
 class _Attempt:
-    """One way down the levels and what the check said of it."""
+    """One attempt: what the three levels made, and what the check said of it."""
 
     steps: tuple[Step, ...]
     table: Table
     unsolved: tuple[Unsolved, ...]
     refused: frozenset[Refusal]
     """Departures that level 2 or the check refused."""
+    contactless: frozenset[Refusal]
+    """Departures for which no contact was found."""
     refutations: Mapping[str, str]
     """What the check, or level 2, said of each part whose motion it refused."""
     verified: bool
 
+    @property
+    def worth(self) -> tuple[int, int]:
+        """How many parts are placed, and for how many of the steps there is a contact."""
+        steps = [inner for step in self.steps for inner in _all_steps(step)]
+        return len(placed_parts(self.steps)), sum(step.contact is not None for step in steps)
+
+
+def _all_steps(step: Step) -> Iterator[Step]:
+    yield step
+    for inner in () if step.subassembly is None else step.subassembly.steps:
+        yield from _all_steps(inner)
+
 
 def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolved:
-    """What is said of a part all of whose ways out were refused, with what the last refusal said."""
+    """Return the entry; if all ways out of the part were refused, with what the last refusal said."""
     if entry.reason != REFUSED.reason or entry.part not in refutations:
         return entry
     return replace(entry, reason=f"{entry.reason}: {refutations[entry.part]}")
@@ -159,6 +201,7 @@ def _attempt(
         table=level.table,
         unsolved=unsolved,
         refused=level.refused | judge.refused,
+        contactless=judge.contactless(steps),
         refutations={entry.part: entry.reason for entry in (*level.failed, *judge.refuted)},
         verified=not (report.problems or unsolved),
     )
@@ -180,11 +223,11 @@ def _take_apart(
     parts = frozenset(part for refusal in refused for part in bits(refusal.members))
     options = {"config": config.algorithm1, "refused": parts, "progress": progress}
     if not (config.executable and config.contacts):
-        return plan_disassembly(cascade.blocking, **options)
+        return plan_disassembly(cascade.parts, **options)
     executable = Executability(
         planner.assembly, planner.bodies, gripper=named_gripper(config.gripper), config=config.contact, rng=rng
     )
-    return plan_disassembly(cascade.blocking, is_executable=executable, **options)
+    return plan_disassembly(cascade.parts, is_executable=executable, **options)
 
 
 def propose_removals(assembly: Assembly, network: str) -> list[int]:
@@ -196,7 +239,7 @@ def propose_removals(assembly: Assembly, network: str) -> list[int]:
 
 
 class _Judge:
-    """Takes out what the check refuted: a step that does not hold is no step."""
+    """Takes the steps that the check refuted out of a plan."""
 
     def __init__(self, assembly: Assembly, found: DisassemblyResult, config: PipelineConfig) -> None:
         self._assembly = assembly
@@ -208,7 +251,7 @@ class _Judge:
         """Their departures."""
 
     def hold(self, steps: Sequence[Step], reports: Sequence[StepReport]) -> tuple[Step, ...]:
-        """Return the steps that hold, with what the check measured, on this level and inside subassemblies."""
+        """Return the steps that hold, here and inside subassemblies, each with what the check measured."""
         out: list[Step] = []
         gone: set[str] = set()
         for step, entry in zip(steps, reports, strict=True):
@@ -231,6 +274,15 @@ class _Judge:
             out.append(step)
         return tuple(out)
 
+    def contactless(self, steps: Sequence[Step]) -> frozenset[Refusal]:
+        """Return the departures of the steps that move and have no contact, inside subassemblies too."""
+        every = [inner for step in steps for inner in _all_steps(step)]
+        return frozenset(
+            self._departures[step.part].path_refusal
+            for step in every
+            if step.contact is None and len(step.motion.T_world_part) > 1 and step.part in self._departures
+        )
+
     def _take_out(self, step: Step, problem: str) -> None:
         reason = f"refuted by the check: {problem}"
         self.refuted += [
@@ -247,7 +299,7 @@ class _Judge:
             "tolerance": tolerance if entry.allowed is None else entry.allowed,
             "against": entry.against,
         }
-        # a subassembly's base has no departure of its own inside: the name's is that of the whole
+        # inside its subassembly, a base has no departure: the one under its name is that of the whole
         if step.part in self._departures and len(step.motion.T_world_part) > 1:
             evidence["removal_found_by"] = self._departures[step.part].separation.stage
         return replace(step.motion, evidence={**step.motion.evidence, **evidence})

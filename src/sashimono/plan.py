@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.assembly import Overlap, Source, frozen_array
+from sashimono.assembly import Overlap, Source, few_words, frozen_array, html_table
 from sashimono.geometry import se3
 
 
@@ -53,12 +53,16 @@ class Motion:
     T_world_part: Float[np.ndarray, "pose 4 4"]
     """Poses from resting to assembled, joined by geodesics; the base part has one."""
     segments: tuple[Segment, ...]
-    """Cover the path, in order; empty for the base part."""
+    """They cover the path, in order. There are none for the base part."""
     evidence: Mapping[str, Any] = field(default_factory=dict)
     """What was measured while planning: ``max_penetration`` and ``tolerance`` [m], ..."""
+    times: Float[np.ndarray, "pose"] | None = None
+    """When the part is at each pose [s], from 0 at its resting pose; None where the path was not timed."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part, np.float64))
+        if self.times is not None:
+            object.__setattr__(self, "times", frozen_array(self.times, np.float64))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,6 +137,15 @@ class Step:
     declared: DeclaredHelix | None = None
     """The thread that part of the path follows, where one was declared."""
 
+    def __repr__(self) -> str:
+        what = f"subassembly of {few_words(self.members)}" if self.moving else repr(self.part)
+        return f"Step({what} onto {len(self.fixed)} parts, {len(self.motion.T_world_part)} poses, {self.held})"
+
+    @property
+    def held(self) -> str:
+        """What holds or pushes it, in a word."""
+        return "no contact" if self.contact is None else self.contact.kind
+
     @property
     def members(self) -> tuple[str, ...]:
         """All parts that this step brings."""
@@ -197,6 +210,15 @@ class Table:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class RestingPoses:
+    """Where parts wait, given from outside: a tray, a feeder, what a camera saw."""
+
+    table: Table
+    poses: Mapping[str, Float[np.ndarray, "4 4"]]
+    """``T_world_part`` of some parts, or of all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class AssemblyPlan:
     """A plan, complete or partial, as written to plan.json."""
 
@@ -221,10 +243,31 @@ class AssemblyPlan:
     timings: Mapping[str, float] = field(default_factory=dict)
     """Seconds by stage; the only fields that differ between two runs with the same seed."""
 
+    def __repr__(self) -> str:
+        unsolved = f"; unsolved: {few_words([entry.part for entry in self.unsolved])}" if self.unsolved else ""
+        placed = f"{len(self.placed)} of {len(self.parts)} parts placed"
+        return f"AssemblyPlan({self.status}, {placed}: {few_words(self.order)}{unsolved})"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the steps, as a notebook shows it; `sashimono.show` plays them in 3D."""
+        rows = [
+            (str(k), few_words(step.members), f"{len(step.motion.T_world_part)} poses", _contact_words(step))
+            for k, step in enumerate(self.steps, start=1)
+        ]
+        rows += [("-", entry.part, entry.verdict, entry.reason) for entry in self.unsolved]
+        return html_table(repr(self), ("step", "part", "motion", "contact"), rows)
+
     @property
     def placed(self) -> tuple[str, ...]:
         """Parts that have a step of their own, inside subassemblies too, in the order in which they are placed."""
         return placed_parts(self.steps)
+
+
+def _contact_words(step: Step) -> str:
+    """Return what holds the part, with its quality, or why nothing does."""
+    if step.contact is None:
+        return step.contact_reason or step.held
+    return f"{step.held}, quality {step.contact.quality:.3f}" if step.contact.kind == "grasp" else step.held
 
 
 def placed_parts(steps: tuple[Step, ...]) -> tuple[str, ...]:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_body, merge_parts
-from sashimono.contact import ContactChoice, ContactConfig, Gripper, choose_contacts, named_gripper
+from sashimono.contact import ContactChoice, ContactConfig, Gripper, choose_contacts, named_gripper, real_tool
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.separation import Separation, names_of
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.motion import MotionConfig, MotionResult, plan_motions
-from sashimono.plan import DeclaredHelix, Motion, Step, Subassembly, Table, Unsolved
+from sashimono.plan import DeclaredHelix, Motion, RestingPoses, Step, Subassembly, Table, Unsolved
 
 Progress = Callable[[str, int, int], None]
 """Called with (stage, done, total)."""
@@ -56,6 +56,8 @@ class TreePlanner:
     report: tuple[str | Gripper, ...]
     """Grippers of which each step says whether they can take the part."""
     samples: SampleConfig
+    resting: RestingPoses | None
+    """Table and resting poses of the top level, from elsewhere."""
     stage: Callable[[str], AbstractContextManager[None]]
     """Entered with "motion" or "contact" while that level works."""
 
@@ -77,9 +79,11 @@ class TreePlanner:
         merged: dict[str, np.random.Generator] = {}
         for name, departure in departures.items():
             if departure.inside is not None:
-                # without subassemblies nothing is spawned here: their absence leaves a plan as it was
+                # spawned only for a subassembly: other plans draw the same numbers as before
                 inner, merged[name] = motion_rng.spawn(2)
-                inside[name] = self.plan(departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0])
+                inside[name] = replace(self, resting=None).plan(
+                    departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0]
+                )
         level, bodies = self._level(found, departures, merged)
         order = [names[found.base], *departures]
         stuck = [_stuck(self.assembly, part, separation) for part, separation in found.stuck]
@@ -92,6 +96,7 @@ class TreePlanner:
                 rng=motion_rng,
                 in_place=[entry.part for entry in stuck],
                 bodies=bodies,
+                resting=self.resting,
                 progress=lambda done, total: progress("motion", done, total),
             )
         failed = {entry.part: entry for entry in motions.unsolved}
@@ -119,7 +124,7 @@ class TreePlanner:
         departures: Mapping[str, Departure],
         merged: Mapping[str, np.random.Generator],
     ) -> tuple[Assembly, Mapping[str, Body]]:
-        """The assembly of this level, each subassembly one part, and its bodies."""
+        """Return the assembly of this level, in which each subassembly is one part, and its bodies."""
         present = {found.base, *(part for part, _ in found.stuck), *(d.part for d in found.removals)}
         if not merged and len(present) == len(self.assembly):
             return self.assembly, self.bodies
@@ -158,7 +163,7 @@ class TreePlanner:
             config=self.contact,
             rng=rng,
             bodies=bodies,
-            report=[tool for tool in map(named_gripper, self.report) if isinstance(tool, Gripper)],
+            report=[real_tool(tool) for tool in self.report],
             progress=lambda name: progress("contact", next(done), len(order)),
         )
 
@@ -192,7 +197,7 @@ class TreePlanner:
 
 
 def _declared(assembly: Assembly, departure: Departure | None, motion: Motion) -> DeclaredHelix | None:
-    """The declared thread that the end of a motion follows, if its removal had one and the motion kept to it."""
+    """Return the declared thread that the end of a motion follows; None if there is none, or the motion left it."""
     thread = None if departure is None else departure.separation.declared
     if departure is None or thread is None or departure.separation.removal is None:
         return None
@@ -221,7 +226,7 @@ def _stuck(assembly: Assembly, part: int, separation: Separation) -> Unsolved:
 
 
 def _carried(member: str, entry: Unsolved) -> Unsolved:
-    """What is said of a member where its subassembly does not move."""
+    """Return what is said of a member if its subassembly does not move."""
     if member == entry.part:
         return entry
     return Unsolved(

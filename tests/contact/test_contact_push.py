@@ -29,19 +29,23 @@ def by_clarabel(point, normal, supports, wrench, friction, support_friction):
     P[:3] = cost
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    found = clarabel.DefaultSolver(
+    arguments = (
         sparse.csc_matrix(np.diag(P)),
         np.zeros(n),
         sparse.csc_matrix(np.concatenate([A, -np.eye(n)])),
         np.concatenate([wrench, np.zeros(n)]),
         [clarabel.ZeroConeT(6), *[clarabel.SecondOrderConeT(3)] * (n // 3)],
-        settings,
-    ).solve()
-    status = str(found.status)
-    if status == "Solved":
-        return 2.0 * found.obj_val
-    return np.inf if status == "PrimalInfeasible" else None
+    )
+    for tolerance in (1e-10, 1e-9, 1e-8):  # degenerate ones reach no more
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        found = clarabel.DefaultSolver(*arguments, settings).solve()
+        status = str(found.status)
+        # its residuals are relative: with forces of 1e13 they say nothing
+        if status == "Solved" and np.abs(found.x).max() < 1e8:
+            return 2.0 * found.obj_val
+        if status == "PrimalInfeasible":
+            return np.inf
+    return np.inf if status == "AlmostPrimalInfeasible" else None
 
 
 def random_case(rng, mode):
@@ -65,21 +69,25 @@ def random_case(rng, mode):
     return pushes, supports, wrench / np.linalg.norm(wrench), friction, support_friction
 
 
+@pytest.mark.parametrize("cases", [60, pytest.param(840, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("mode", [0, 1, 2, 3])
-def test_the_least_push_is_that_of_the_conic_oracle(mode):
-    rng = np.random.default_rng(SEED + mode)
-    unlike = []
-    for case in range(60):
+def test_the_least_push_is_that_of_the_conic_oracle(mode, cases):
+    rng = np.random.default_rng(SEED + mode + cases)
+    unlike, unsure, total = [], 0, 0
+    for case in range(cases):
         pushes, supports, wrench, friction, support_friction = random_case(rng, mode)
         got = least_pushes(pushes, supports, wrench, friction=friction, support_friction=support_friction)
         for k in range(len(pushes.points)):
             best = by_clarabel(pushes.points[k], pushes.normals[k], supports, wrench, friction, support_friction)
+            total += 1
             if best is None:
+                unsure += 1
                 continue
             mine = float(got.forces[k] @ got.forces[k]) if got.feasible[k] else np.inf
             if not (mine == best or abs(mine - best) <= 1e-6 * (1.0 + best)):
                 unlike.append((case, k, mine, best))
-    assert not unlike, f"seed {SEED}: {unlike}"
+    assert not unlike, f"seed {SEED}: {len(unlike)} of {total}: {unlike[:5]}"
+    assert unsure <= 0.06 * total
 
 
 def test_it_is_the_semidefinite_program_as_printed():

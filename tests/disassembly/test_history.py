@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from sashimono.disassembly.physics.search import PhysicsConfig
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
+from sashimono.errors import InputError
 
 CONFIG = SeparateConfig(physics=PhysicsConfig(max_pushes=2, max_stretches=2))
 
@@ -29,11 +32,11 @@ def said(separation: Separation) -> tuple[Any, ...]:
 
 
 def relation(cascade: Cascade) -> list[tuple[Any, ...]]:
-    table = cascade.blocking
+    blocking = cascade.blocking
     return [
-        (part, signed, table.masks(part, signed), table.blockers(part, signed))
-        for part in range(len(table))
-        for signed in range(table.count_signed)
+        (part, direction_index, blocking.masks(part, direction_index), blocking.blockers(part, direction_index))
+        for part in range(len(blocking))
+        for direction_index in range(blocking.count_directions)
     ]
 
 
@@ -42,19 +45,20 @@ def order(result: DisassemblyResult) -> list[tuple[Any, ...]]:
     return [*left, (result.base,), *((part, *said(separation)) for part, separation in result.stuck)]
 
 
-def questions(count: int, rng: np.random.Generator) -> list[tuple[int, int]]:
+def questions(count: int, rng: np.random.Generator, *, most: int) -> list[tuple[int, int]]:
     """All questions of small assemblies, some of larger ones."""
     sets = [mask for mask in range(1, 1 << count) if mask & (mask - 1)]
     if len(sets) > 12:
         sets = [(1 << count) - 1, *(int(mask) for mask in rng.choice(sets, 6, replace=False))]
     found = [(part, mask) for mask in sets for part in bits(mask)]
-    return found if len(found) < 24 else [found[k] for k in sorted(rng.choice(len(found), 24, replace=False))]
+    return found if len(found) < most else [found[k] for k in sorted(rng.choice(len(found), most, replace=False))]
 
 
-def check_history(parts: Assembly) -> None:
+def check_history(parts: Assembly, *, most: int = 24) -> None:
+    """Ask everything, then again in random order; plan before and after, and twice on one object."""
     rng = np.random.default_rng(0)
     bodies = make_bodies(parts)
-    asked = questions(len(parts), rng)
+    asked = questions(len(parts), rng, most=most)
     first, second = (Cascade(parts, bodies, config=CONFIG) for _ in range(2))
     answers = {question: said(first.separate(*question)) for question in asked}
     untouched = relation(Cascade(parts, bodies, config=CONFIG))
@@ -86,3 +90,25 @@ def test_nor_on_a_real_chair_whose_second_order_once_was_another(assemblies_fold
     cascade = Cascade(parts, make_bodies(parts), config=CONFIG)
     first = order(find_disassembly(cascade, config=SequenceConfig()))
     assert order(find_disassembly(cascade, config=SequenceConfig())) == first
+
+
+@functools.cache
+def smallest(folder: Path, count: int) -> list[Path]:
+    """Return the folders of the assemblies with the smallest files that can be read."""
+    from sashimono.io.read import read_assembly
+
+    found: list[Path] = []
+    for entry in sorted(folder.iterdir(), key=lambda e: (sum(f.stat().st_size for f in e.glob("*.obj")), e.name)):
+        if len(found) < count and any(entry.glob("*.obj")):
+            with contextlib.suppress(InputError):
+                read_assembly(entry)
+                found.append(entry)
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rank", range(60))
+def test_nor_on_sixty_real_assemblies(assemblies_folder: Path, rank: int) -> None:
+    from sashimono.io.read import read_assembly
+
+    check_history(read_assembly(smallest(assemblies_folder, 60)[rank]), most=8)

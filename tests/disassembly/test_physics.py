@@ -10,23 +10,23 @@ from solids import assembly, bayonet, box, linked_rings, peg_in_plate, rod
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.physics.contact_solver import Contacts, sliding_twist
 from sashimono.disassembly.physics.push import SimulateConfig, simulate
 from sashimono.disassembly.physics.search import PhysicsConfig, PhysicsResult, pushes_at, search_physics
+from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.geometry import se3
 from sashimono.geometry.body import SampleConfig
-from sashimono.geometry.distance.screw import Screw, adjoint, between, march_screw
+from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between
 from sashimono.io.read import read_assembly
 
 SOLVER = {"friction": 0.2, "iterations": 200, "tolerance": 1e-9}
 
 
-def blocking_of(parts: Assembly, samples: SampleConfig | None = None) -> Blocking:
-    return Blocking(parts, make_bodies(parts, config=samples), config=BlockingConfig())
+def placed(parts: Assembly, samples: SampleConfig | None = None) -> PlacedParts:
+    return PlacedParts(parts, make_bodies(parts, config=samples), config=PlacedPartsConfig())
 
 
 def moved(parts: Assembly, T: np.ndarray) -> Assembly:
@@ -34,12 +34,12 @@ def moved(parts: Assembly, T: np.ndarray) -> Assembly:
 
 
 def searched(parts: Assembly, name: str) -> PhysicsResult:
-    table = blocking_of(parts)
+    there = placed(parts)
     index = parts.index(name)
-    others = bits(table.all_parts & ~(1 << index))
-    found = search_physics(table, index, others, config=PhysicsConfig())
+    others = bits(there.all_parts & ~(1 << index))
+    found = search_physics(there, index, others, config=PhysicsConfig())
     if found.removal is not None:  # what a search claims, the check must grant
-        assert Paths(table, index, others, tolerance=0.015).check(found.removal.displacements)
+        assert Paths(there, index, others, tolerance=0.015).check(found.removal.displacements)
     return found
 
 
@@ -75,10 +75,10 @@ def test_marching_along_a_screw_stops_where_the_distance_says() -> None:
     # a half turn about (0.0201, 0, 0) passes the wall, whose face is at x = 0.01; one about (0.019, 0, 0) does not
     options = {"limit": 1e-6, "least_step": 1e-6}
     past = adjoint(se3.make(None, np.array([0.0201, 0.0, 0.0])), about_z)
-    assert np.isinf(march_screw(field, point, past, **options)[0])
+    assert np.isinf(advance_along_screw(field, point, past, **options)[0])
     twist = adjoint(se3.make(None, np.array([0.019, 0.0, 0.0])), about_z)
     met = np.arccos(-9.0 / 11.0) / np.pi
-    assert march_screw(field, point, twist, **options)[0] == pytest.approx(met, abs=1e-3)
+    assert advance_along_screw(field, point, twist, **options)[0] == pytest.approx(met, abs=1e-3)
     screw = Screw.of(twist)
     np.testing.assert_allclose(screw.axis, [0.0, 0.0, 1.0], atol=1e-12)
     assert screw.pitch == pytest.approx(0.001 / np.pi)
@@ -99,7 +99,7 @@ def test_marching_along_a_screw_agrees_with_looking_everywhere(seed: int) -> Non
             twist[3:] = [0.0, 0.0, rng.uniform(0.5, 2.0)]
         path = np.array([se3.apply(se3.exp(u * twist), start[None])[0] for u in np.linspace(0.0, 1.0, looks)])
         deep = np.flatnonzero(-field.query(path) > limit)
-        found, _ = march_screw(field, start[None], twist, limit=limit, least_step=step)
+        found, _ = advance_along_screw(field, start[None], twist, limit=limit, least_step=step)
         if not len(deep):
             assert np.isinf(found)
         elif np.isfinite(found):
@@ -112,7 +112,7 @@ def test_marching_along_a_screw_agrees_with_looking_everywhere(seed: int) -> Non
 @pytest.mark.parametrize("angle", [0.3, 0.7])
 def test_a_block_pushed_sideways_slides_out_of_a_slanted_slot(angle: float) -> None:
     parts = slanted_slot(angle)
-    paths = Paths(blocking_of(parts), 1, [0], tolerance=0.0075)
+    paths = Paths(placed(parts), 1, [0], tolerance=0.0075)
     outcome = simulate(paths, np.eye(4), np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), config=SimulateConfig())
     assert outcome.exit_direction is not None
     np.testing.assert_allclose(outcome.exit_direction, [np.cos(angle), 0.0, np.sin(angle)], atol=1e-3)
@@ -120,7 +120,7 @@ def test_a_block_pushed_sideways_slides_out_of_a_slanted_slot(angle: float) -> N
 
 def test_a_peg_leaves_along_its_hole_both_ways() -> None:
     parts = peg_in_plate()
-    paths = Paths(blocking_of(parts), 1, [0], tolerance=0.0075)
+    paths = Paths(placed(parts), 1, [0], tolerance=0.0075)
     ways = set()
     for push in pushes_at(paths, np.eye(4), config=PhysicsConfig()):
         outcome = simulate(paths, np.eye(4), push, config=SimulateConfig())
@@ -132,8 +132,8 @@ def test_a_peg_leaves_along_its_hole_both_ways() -> None:
 
 def test_linked_rings_stay_linked() -> None:
     parts = linked_rings()
-    table = blocking_of(parts, SampleConfig(area_samples=300))
-    found = search_physics(table, 0, [1], config=PhysicsConfig(max_pushes=16))
+    there = placed(parts, SampleConfig(area_samples=300))
+    found = search_physics(there, 0, [1], config=PhysicsConfig(max_pushes=16))
     assert found.removal is None
     assert found.blocked_by == (1,)
     assert found.reason
@@ -180,9 +180,9 @@ def test_the_truth_set_says_the_same(name: str, truth_folder: Path) -> None:
 def test_algorithm1_is_the_same_for_any_number_of_workers(monotone: bool) -> None:
     plate = box((0.06, 0.06, 0.02)) - rod(0.005, 0.04)
     parts = assembly(plate=plate, peg=rod(0.005, 0.02, (0.0, 0.0, 0.0)), cap=box((0.02, 0.02, 0.01), (0.0, 0.0, 0.015)))
-    table = blocking_of(parts, SampleConfig(area_samples=300))
+    there = placed(parts, SampleConfig(area_samples=300))
     results = [
-        plan_disassembly(table, config=Algorithm1Config(workers=workers, monotone=monotone)) for workers in (1, 3)
+        plan_disassembly(there, config=Algorithm1Config(workers=workers, monotone=monotone)) for workers in (1, 3)
     ]
     first, second = ([(d.part, d.separation.removal) for d in result.removals] for result in results)
     assert [k for k, _ in first] == [k for k, _ in second]
@@ -195,9 +195,9 @@ def test_algorithm1_is_the_same_for_any_number_of_workers(monotone: bool) -> Non
 
 def test_algorithm1_says_which_budget_ran_out_and_tells_of_each_part_that_left() -> None:
     parts = linked_rings()
-    table = blocking_of(parts, SampleConfig(area_samples=300))
+    there = placed(parts, SampleConfig(area_samples=300))
     results = [
-        plan_disassembly(table, config=Algorithm1Config(max_traced=20_000, max_attempts=400, workers=workers))
+        plan_disassembly(there, config=Algorithm1Config(max_traced=20_000, max_attempts=400, workers=workers))
         for workers in (1, 2)
     ]
     reasons = [[separation.reason for _, separation in result.stuck] for result in results]
@@ -209,21 +209,21 @@ def test_algorithm1_says_which_budget_ran_out_and_tells_of_each_part_that_left()
         left=rod(0.005, 0.02, (-0.03, 0.0, 0.0)),
         right=rod(0.005, 0.02, (0.03, 0.0, 0.0)),
     )
-    result = plan_disassembly(blocking_of(pegs), config=Algorithm1Config(), progress=told.append)
+    result = plan_disassembly(placed(pegs), config=Algorithm1Config(), progress=told.append)
     assert len(result.removals) == 2
     assert told == [1, 2]
 
 
 def test_algorithm1_asks_whether_a_robot_can() -> None:
     parts = peg_in_plate()
-    table = blocking_of(parts)
+    there = placed(parts)
     asked = []
 
     def never(part: int, others: int, removal: object) -> bool:
         asked.append((part, others))
         return False
 
-    result = plan_disassembly(table, config=Algorithm1Config(), is_executable=never)
+    result = plan_disassembly(there, config=Algorithm1Config(), is_executable=never)
     assert result.removals == ()
     assert asked
     assert [k for k, _ in result.stuck] == [1 - result.base]

@@ -8,9 +8,9 @@ import pytest
 from solids import LEAD, bolt, part, peg_in_plate, rod, screwed
 
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import Paths
+from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.disassembly.threads.surface import Threads, UnscrewConfig, search_unscrew
 from sashimono.geometry import se3
 from sashimono.geometry.distance.screw import Screw, between
@@ -39,19 +39,19 @@ def test_what_a_turn_carries_along_itself_is_no_thread() -> None:
     for solid in (rod(0.01, 0.05), cone, manifold3d.Manifold.sphere(0.02, 48)):
         mesh = part("round", solid)
         assert fit_helix(mesh.vertices_part[mesh.faces], Z, config=HelixConfig()) is None
-    table = Blocking(peg_in_plate(), make_bodies(peg_in_plate()), config=BlockingConfig())
-    assert not Threads(table, config=UnscrewConfig()).between(0, 1)
+    there = PlacedParts(peg_in_plate(), make_bodies(peg_in_plate()), config=PlacedPartsConfig())
+    assert not Threads(there, config=UnscrewConfig()).between(0, 1)
 
 
 @pytest.mark.parametrize(("clearance", "phase"), [(0.0008, 0.0), (0.0008, 40.0)])
 def test_a_bolt_leaves_by_its_own_screw_whatever_the_phase_it_is_drawn_in(clearance: float, phase: float) -> None:
     parts = screwed(clearance, phase=phase)
-    table = Blocking(parts, make_bodies(parts), config=BlockingConfig())
+    there = PlacedParts(parts, make_bodies(parts), config=PlacedPartsConfig())
     index = parts.index("bolt")
-    others = bits(table.all_parts & ~(1 << index))
-    removal, _ = search_unscrew(Threads(table, config=UnscrewConfig()), index, others, max_traced=40_000_000)
+    others = bits(there.all_parts & ~(1 << index))
+    removal, _ = search_unscrew(Threads(there, config=UnscrewConfig()), index, others, max_traced=40_000_000)
     assert removal is not None
-    paths = Paths(table, index, [1 - index], tolerance=0.015)
+    paths = Paths(there, index, [1 - index], tolerance=0.015)
     assert paths.check(removal.displacements)
     assert paths.parts_once(removal.displacements)
     turned = sum(Screw.of(between(a, b)).angle for a, b in pairwise(removal.displacements))
@@ -61,10 +61,10 @@ def test_a_bolt_leaves_by_its_own_screw_whatever_the_phase_it_is_drawn_in(cleara
 def test_an_overlap_excuses_no_second_meeting_on_a_path() -> None:
     """Two ridges drawn into each other part between two turns of the other thread: straight on is through the next."""
     parts = screwed(0.0005, phase=180.0)
-    table = Blocking(parts, make_bodies(parts), config=BlockingConfig())
+    there = PlacedParts(parts, make_bodies(parts), config=PlacedPartsConfig())
     index = parts.index("bolt")
-    paths = Paths(table, index, [1 - index], tolerance=0.015)
+    paths = Paths(there, index, [1 - index], tolerance=0.015)
     straight = np.array([np.eye(4), se3.make(None, 0.03 * Z)])
-    assert table.allowances[0, 1] > 0.0
+    assert there.overlaps[0, 1] > 0.0
     assert paths.check(straight)
     assert not paths.parts_once(straight)

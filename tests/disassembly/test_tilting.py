@@ -9,9 +9,9 @@ from tilt_set import CASES, TiltCase
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.paths import Paths
+from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.disassembly.tilting.axes import round_axes
 from sashimono.disassembly.tilting.contact_surface import ContactSurface, Gaps, admissible
 from sashimono.disassembly.tilting.probes import edge_points
@@ -24,8 +24,8 @@ BY_NAME = {case.name: case for case in CASES}
 QUICK = ("lid_with_lip", "ears", "camera", "pole_clamp")
 
 
-def blocking_of(parts: Assembly) -> Blocking:
-    return Blocking(parts, make_bodies(parts), config=BlockingConfig())
+def placed(parts: Assembly) -> PlacedParts:
+    return PlacedParts(parts, make_bodies(parts), config=PlacedPartsConfig())
 
 
 def cascade_of(parts: Assembly) -> Cascade:
@@ -63,11 +63,11 @@ def test_the_tilt_set(case: TiltCase, is_open: bool) -> None:
 
 def test_a_tilt_is_the_same_whatever_was_asked_before_and_whatever_else_is_far_away() -> None:
     parts = BY_NAME["ears"].assembly(is_open=True)
-    alone = search_tilt(blocking_of(parts), 1, [0], config=TiltConfig()).removal
+    alone = search_tilt(placed(parts), 1, [0], config=TiltConfig()).removal
     far = assembly(far=box((0.01, 0.01, 0.01), (0.5, 0.0, 0.0)))
-    table = blocking_of(replace(parts, parts=(*parts.parts, *far.parts)))
-    search_tilt(table, 0, [1, 2], config=TiltConfig(max_slides=3))
-    again = search_tilt(table, 1, [0], config=TiltConfig()).removal
+    there = placed(replace(parts, parts=(*parts.parts, *far.parts)))
+    search_tilt(there, 0, [1, 2], config=TiltConfig(max_slides=3))
+    again = search_tilt(there, 1, [0], config=TiltConfig()).removal
     assert alone is not None
     assert again is not None
     np.testing.assert_array_equal(alone.displacements, again.displacements)
@@ -80,7 +80,7 @@ def test_a_budget_that_runs_out_says_so_and_is_no_proof() -> None:
     assert found.proven_for is None
     assert found.is_cut
     assert "tracing steps were spent" in found.reason
-    little = search_tilt(blocking_of(parts), 1, [0], config=TiltConfig(max_slides=2))
+    little = search_tilt(placed(parts), 1, [0], config=TiltConfig(max_slides=2))
     assert little.removal is None
     assert "2 slides" in little.reason
 
@@ -103,8 +103,8 @@ def test_gaps_tell_how_a_motion_opens_them() -> None:
     parts = assembly(
         floor=box((0.06, 0.06, 0.01), (0.0, 0.0, -0.005)), block=box((0.02, 0.02, 0.02), (0.0, 0.0, 0.011))
     )
-    table = blocking_of(parts)
-    paths = Paths(table, 1, [0], tolerance=0.0)
+    there = placed(parts)
+    paths = Paths(there, 1, [0], tolerance=0.0)
     surface = ContactSurface(paths, most_probes=300, leeway=0.0)
     found = surface.gaps(np.eye(4), margin=0.005)
     assert found.gaps.min() == pytest.approx(0.001)

@@ -26,8 +26,8 @@ def test_room_leads_out_and_a_touching_part_has_none() -> None:
     """Between a floor and a ceiling: sideways, once it is off the floor."""
     plates = box((0.05, 0.05, 0.01), (0, 0, -0.01)) + box((0.05, 0.05, 0.01), (0, 0, 0.03))
     parts = assembly(block=box((0.01, 0.01, 0.01)), plates=plates)
-    table = Cascade(parts, make_bodies(parts), config=SeparateConfig()).blocking
-    room = Space(table, 0, 5.0, config=SpaceConfig(), grown=True)
+    there = Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
+    room = Space(there, 0, 5.0, config=SpaceConfig(), grown=True)
     assert not room.way(0b10, np.zeros(3), set())
     way = np.array(room.way(0b10, np.array([0.0, 0.0, 0.009]), set()))
     assert len(way) >= 2

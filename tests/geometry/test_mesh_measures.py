@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from sashimono.geometry import se3
 from sashimono.geometry.mesh import measures, polygons, topology
 from sashimono.geometry.mesh.shapes import identical_shapes
-from sashimono.verify.body import Body as VerifyBody
+from sashimono.verify.body import SampledBody as VerifyBody
 
 
 def arrays(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:

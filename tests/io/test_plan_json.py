@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as numpy_strategies
 from sashimono.assembly import Overlap, Source
 from sashimono.errors import PlanFormatError
 from sashimono.io.plan_json import plan_from_json, plan_to_json, read_plan, write_plan
-from sashimono.io.plan_schema import plan_schema
+from sashimono.io.plan_schema import plan_schema, refuse_unknown
 from sashimono.plan import (
     Answer,
     AssemblyPlan,
@@ -242,6 +242,8 @@ BREAKS = {
     "$.steps[0].contact": (("steps", 0, "contact"), {"kind": "grasp"}),
     "$.steps[0].fixed": (("steps", 0, "fixed"), None),
     "$.seed": (("seed",), True),
+    "$.steps[0].grippers.some: reason is missing": (("steps", 0, "grippers"), {"some": {"can": True}}),
+    "$.steps[0].grippers.some.can": (("steps", 0, "grippers"), {"some": {"can": 1, "reason": None}}),
 }
 
 
@@ -262,6 +264,26 @@ def test_breaches_are_named_with_their_place(tmp_path: Any, where: str) -> None:
     if "twice" not in where:
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(document, plan_schema())
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "says"),
+    [
+        (("properties", "seed", "maximum"), 9, r"\$\.properties\.seed: .* maximum"),
+        (("$defs", "step", "properties", "part", "pattern"), "a", "pattern"),
+        (("properties", "seed", "type"), "decimal", "decimal"),
+        (("properties", "source", "additionalProperties"), False, "must be a schema"),
+    ],
+)
+def test_a_rule_that_nobody_would_check_is_refused(keys: tuple[str, ...], value: Any, says: str) -> None:
+    schema = json.loads(json.dumps(plan_schema()))
+    refuse_unknown(schema)
+    spot = schema
+    for key in keys[:-1]:
+        spot = spot[key]
+    spot[keys[-1]] = value
+    with pytest.raises(ValueError, match=says):
+        refuse_unknown(schema)
 
 
 @pytest.mark.parametrize("name", ["format", "source", "steps", "unsolved", "interpolation", "table"])

@@ -1,7 +1,6 @@
 """Reading: known files in, known parts out; bad input is one clear line."""
 
 import json
-import os
 import struct
 import zipfile
 from pathlib import Path
@@ -13,18 +12,17 @@ from scipy.spatial.transform import Rotation
 
 from sashimono.errors import InputError
 from sashimono.geometry.mesh import measures, topology
+from sashimono.io.formats import step_to_glb
 from sashimono.io.names import choose_name, unique_names
 from sashimono.io.raw import ReadConfig
 from sashimono.io.read import read_assembly
 
-SHARED = Path(os.environ.get("SASHIMONO_SHARED", Path(__file__).resolve().parents[3] / "shared"))
-
 
 @pytest.fixture
-def shared() -> Path:
-    if not (SHARED / "truth").is_dir():
-        pytest.skip("the shared test data is not beside the repository")
-    return SHARED
+def shared(truth_folder: Path, assemblies_folder: Path) -> Path:
+    """The folder that holds both."""
+    assert truth_folder.parent == assemblies_folder.parent
+    return truth_folder.parent
 
 
 def arrays(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
@@ -374,3 +372,27 @@ def test_every_shared_assembly_loads(shared):
         for part in read_assembly(folder).parts:
             assert topology.is_closed(part.faces), f"{folder.name}/{part.name}"
             assert measures.volume(part.vertices_part, part.faces) > 0.0
+
+
+def step_file(folder: Path) -> Path:
+    """The shipped example, under a name of its own."""
+    example = Path(__file__).resolve().parents[2] / "src" / "sashimono" / "examples" / "gearbox.step"
+    (folder / "gearbox.step").write_bytes(example.read_bytes())
+    return folder / "gearbox.step"
+
+
+@pytest.mark.parametrize(
+    ("script", "error", "says"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", InputError, "crashed on it"),
+        ("print('ERR: a face has no edges')\nimport sys; open(sys.argv[1], 'wb')", InputError, "a face has no edges"),
+        ("import a_package_that_is_absent", RuntimeError, "a_package_that_is_absent"),
+    ],
+)
+def test_the_step_converter_runs_apart(tmp_path, monkeypatch, capfd, script: str, error: type, says: str) -> None:
+    """What it prints, and how it dies, stays with it."""
+    (tmp_path / "stand_in.py").write_text(script)
+    monkeypatch.setattr(step_to_glb, "__file__", str(tmp_path / "stand_in.py"))
+    with pytest.raises(error, match=says):
+        read_assembly(step_file(tmp_path))
+    assert capfd.readouterr() == ("", "")

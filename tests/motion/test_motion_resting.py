@@ -148,3 +148,13 @@ def test_no_two_footprints_overlap_and_the_work_area_stays_free(sizes):
         assert (lows[i] >= high - 1e-9).any() or (highs[i] <= low + 1e-9).any()
         for j in range(i):
             assert (lows[i] >= highs[j] - 1e-9).any() or (highs[i] <= lows[j] + 1e-9).any()
+
+
+def test_resting_probabilities_are_those_of_an_independent_library():
+    rng = np.random.default_rng(4)
+    for _ in range(6):
+        mesh = trimesh.convex.convex_hull(rng.normal(size=(12, 3)) * [0.03, 0.02, 0.01])
+        got = sorted((pose.probability for pose in stable_poses(body_of(mesh))), reverse=True)
+        _, expected = trimesh.poses.compute_stable_poses(mesh, n_samples=1)
+        assert sum(got) == pytest.approx(1.0)
+        assert got[:4] == pytest.approx(sorted(expected, reverse=True)[:4], abs=1e-6)

@@ -17,7 +17,7 @@ from sashimono.io.plan_json import write_plan
 from sashimono.io.read import read_assembly
 from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, Segment, Step, Table, Unsolved
 from sashimono.verify import VerifyConfig, VerifyReport, verify_file, verify_plan
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.compound import Compound
 from sashimono.verify.overlap import intersection
 
@@ -454,7 +454,7 @@ def test_a_compound_weighs_and_measures_as_its_members_together() -> None:
     """A cube of 2 mm and one of 1 mm on top of it, the second in a frame of its own."""
     large, small = box((2.0, 2.0, 2.0), (0.0, 0.0, 0.0)), box((1.0, 1.0, 1.0), (0.0, 0.0, 0.0))
     bodies = [
-        Body(name, np.array(m.vertices) * MM, np.array(m.faces), samples=100)
+        SampledBody(name, np.array(m.vertices) * MM, np.array(m.faces), samples=100)
         for name, m in (("large", large), ("small", small))
     ]
     T = se3.make(se3.exp_so3(np.array([0.0, 0.0, 0.5 * np.pi])), np.array([0.0, 0.0, 1.5 * MM]))
@@ -469,7 +469,7 @@ def test_a_compound_weighs_and_measures_as_its_members_together() -> None:
 def test_the_sign_of_a_distance_is_right_beside_needle_triangles(truth_folder: Any) -> None:
     """The thread's faces are needles: signs as the winding number has them, near the surface and far."""
     nut = read_assembly(truth_folder / "thread_clr0", unit="mm").part("nut")
-    body = Body("nut", nut.vertices_part, nut.faces, samples=1000)
+    body = SampledBody("nut", nut.vertices_part, nut.faces, samples=1000)
     rng = np.random.default_rng(5)
     near = nut.vertices_part[rng.integers(0, len(nut.vertices_part), 400)] + rng.normal(0.0, 1e-4, (400, 3))
     inside = igl.winding_number(nut.vertices_part, nut.faces.astype(np.int64), near) > 0.5
@@ -479,7 +479,7 @@ def test_the_sign_of_a_distance_is_right_beside_needle_triangles(truth_folder: A
 def test_how_deep_a_peg_is_in_solid_material_is_seen_between_its_corners() -> None:
     block, peg = (trimesh.creation.box(extents=extents) for extents in ((40.0, 20.0, 20.0), (4.0, 4.0, 60.0)))
     bodies = [
-        Body(name, np.array(mesh.vertices), np.array(mesh.faces), samples=500)
+        SampledBody(name, np.array(mesh.vertices), np.array(mesh.faces), samples=500)
         for name, mesh in (("peg", peg), ("block", block))
     ]
     assert intersection(bodies[0], bodies[1], np.eye(4)).depth == pytest.approx(10.0, rel=0.05)

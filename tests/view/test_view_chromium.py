@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from solids import peg_in_plate
 from view_example import HOSTILE_NAMES, paired_blocks, stacked_blocks
 
 from sashimono.geometry import se3
+from sashimono.pipeline import plan_assembly
 from sashimono.view import write_html
 
 
@@ -207,3 +209,15 @@ def test_partial_plan_with_hostile_names(browser: Any, complete: Any, tmp_path: 
     browser.evaluate("sashimono.setTime(sashimono.duration)")
     last = browser.evaluate("sashimono.poseOf(sashimono.names[3])")
     assert np.allclose(last, plan.parts[HOSTILE_NAMES[-1]])
+
+
+def test_fingertips_are_drawn_where_they_touch(browser: Any, tmp_path: Path) -> None:
+    """A plan as the planner makes it, not one made by hand."""
+    parts = peg_in_plate()
+    plan = plan_assembly(parts)
+    assert any("fingertips" in step.contact.details for step in plan.steps if step.contact)
+    browser.errors.clear()
+    browser.open(write_html(plan, parts, tmp_path / "plan.html"))
+    for share in (0.0, 0.5, 0.75, 1.0):
+        browser.evaluate(f"sashimono.setTime({share} * sashimono.duration)")
+    assert browser.errors == []

@@ -13,19 +13,24 @@ from sashimono.contact.gripper import (
     named_gripper,
     proportionate_gripper,
 )
+from sashimono.contact.suction import REAL_TOOLS, VACUUM_CUP, SuctionCup, real_tool
 
 __all__ = [
     "FINGERTIPS",
     "PRESETS",
+    "REAL_TOOLS",
+    "VACUUM_CUP",
     "ContactChoice",
     "ContactConfig",
     "Executability",
     "Gripper",
     "Obstacle",
+    "SuctionCup",
     "Tool",
     "choose_contact",
     "choose_contacts",
     "gripper_from_fields",
     "named_gripper",
     "proportionate_gripper",
+    "real_tool",
 ]

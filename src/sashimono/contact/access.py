@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
 from sashimono.contact.clearance import Obstacle, Surroundings
 from sashimono.contact.config import ContactConfig
-from sashimono.contact.gripper import Boxes, Gripper
+from sashimono.contact.gripper import Boxes
 from sashimono.contact.poses import resample, segment_poses
 from sashimono.geometry.body import Body
 from sashimono.plan import Motion, Table
@@ -24,6 +25,32 @@ _STAGES = {
 }
 
 
+@runtime_checkable
+class Reach(Protocol):
+    """What is asked of a tool: the boxes that it fills, in its own frame, z along the approach. Lengths in metres."""
+
+    @property
+    def pad_thickness(self) -> float: ...
+    @property
+    def max_opening(self) -> float: ...
+    @property
+    def finger_length(self) -> float: ...
+    @property
+    def finger_thickness(self) -> float: ...
+    @property
+    def palm_length(self) -> float: ...
+    @property
+    def palm_width(self) -> float: ...
+
+    def closed(self, opening: float, *, inset: float) -> Boxes:
+        """Return what it fills while it holds a part this wide."""
+        ...
+
+    def release(self, opening: float, retreat: float, *, inset: float) -> Boxes:
+        """Return what it sweeps while it lets go and retreats by that length along -z [m]."""
+        ...
+
+
 class Access:
     """The checks of a gripper along one step, cheapest first, and a tally of what failed them."""
 
@@ -33,7 +60,7 @@ class Access:
         motion: Motion,
         obstacles: Sequence[Obstacle],
         table: Table | None,
-        gripper: Gripper,
+        gripper: Reach,
         config: ContactConfig,
     ) -> None:
         self.gripper, self.config = gripper, config

@@ -195,7 +195,9 @@ def _step(A, P, x, s, y, r_dual, r_primal, gap):
     # H = P + W⁻² = (L Lᵀ)⁻¹; reactions cost nothing, so that L is W for them
     L = _matrix(w) * eta[..., None]
     back = _matrix(_J * w[:, 0]) / eta[:, 0, :, None]
-    L[:, 0] = np.linalg.inv(np.linalg.cholesky(back @ back + np.diag(P[0]))).swapaxes(1, 2)
+    # P + back² is RᵀR of the two stacked; a Cholesky factor of the sum would fail where back is huge
+    stacked = np.concatenate([back, np.broadcast_to(np.diag(np.sqrt(P[0])), back.shape)], axis=1)
+    L[:, 0] = np.linalg.inv(np.linalg.qr(stacked, mode="r"))
     # by QR, not through A H⁻¹ Aᵀ, whose condition is the square
     B = np.einsum("bkic,bkcd->bkdi", A, L)
     Q, R = np.linalg.qr(B.reshape(len(A), -1, 6))

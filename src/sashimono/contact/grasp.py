@@ -17,6 +17,7 @@ from sashimono.contact.candidates import GraspCandidates, congruence, find_candi
 from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import FingertipTool, Gripper, Tool, proportionate_gripper
+from sashimono.contact.suction import SuctionCup, why_no_suction
 from sashimono.contact.tip_contact import TipGrasps, choose_tip_contact, find_tip_grasps
 from sashimono.geometry.body import Body
 from sashimono.plan import Contact, Motion, Table
@@ -54,9 +55,18 @@ def choose_contact(
     It has the highest Ferrari-Canny quality of those whose gripper is clear of everything in one of several
     approach directions; the search goes in descending order of an upper bound of it. Checked are: the part itself;
     release at the assembled pose and pick-up at the resting pose, opening and straight retreat included, both
-    as exact sweeps; the motion in between, at poses close together. ``obstacles`` stand still: fixed
-    parts in their assembled and resting parts in their resting poses. ``body`` and ``candidates`` (for this
-    gripper) may be given to save building them again.
+    as exact sweeps; the motion in between, at poses close together.
+
+    Args:
+        part: What is held.
+        motion: Its path, from the resting to the assembled pose.
+        obstacles: What stands still: fixed parts in their assembled, resting parts in their resting poses.
+        table: The plane on which parts rest; None for none.
+        gripper: What holds the part.
+        config: Options.
+        rng: Draws the surface samples.
+        body: Of the part; made here if None.
+        candidates: Of the part and this gripper; found here if None.
     """
     if body is None:
         body = make_body(part)
@@ -92,16 +102,27 @@ def choose_contacts(
     config: ContactConfig,
     rng: np.random.Generator,
     bodies: Mapping[str, Body] | None = None,
-    report: Sequence[Gripper] = (),
+    report: Sequence[Gripper | SuctionCup] = (),
     progress: Callable[[str], object] | None = None,
 ) -> dict[str, ContactChoice]:
     """Return the contact of each part in an assembly order (base part first), or why it has none.
 
     `FINGERTIPS` asks for two balls that can hold the part, else one that can push it home (`choose_tip_contact`);
-    ``gripper=None`` takes one in proportion to each part (`proportionate_gripper`). For the grippers in ``report`` it
-    is said besides whether each can take the part all the way, looking at ``config.report_candidates`` grasps.
-    Parts without a motion are neither held nor in the way. Identical parts share their candidates. ``bodies`` may be
-    those of level 2; ``progress`` is called with the name of each part when it is done.
+    ``gripper=None`` takes one in proportion to each part (`proportionate_gripper`). For the tools in ``report`` it is
+    said besides whether each can take the part all the way, looking at ``config.report_candidates`` grasps.
+    Parts without a motion are neither held nor in the way. Identical parts share their candidates.
+
+    Args:
+        assembly: Parts in their assembled poses.
+        order: Assembly order, base part first.
+        motions: Of each part that has one, from level 2.
+        table: The plane on which parts rest; None for none.
+        gripper: What holds the parts; None for jaws in proportion to each.
+        config: Options.
+        rng: Draws the surface samples.
+        bodies: Those of level 2, to share them; made here if None.
+        report: Further tools of which it is said whether they can take each part.
+        progress: Called with the name of each part when it is done.
     """
     if bodies is None:
         bodies = make_bodies(assembly)
@@ -134,7 +155,7 @@ class _Chooser:
         self,
         assembly: Assembly,
         bodies: Mapping[str, Body],
-        tool: Tool,
+        tool: Tool | SuctionCup,
         config: ContactConfig,
         rng: np.random.Generator,
     ) -> None:
@@ -153,6 +174,10 @@ class _Chooser:
             options = {"body": self._bodies[name], "grasps": grasps, "config": self.config}
             chosen = choose_tip_contact(motion, fixed, resting, table, **options)
             return ContactChoice(chosen.contact, chosen.reason, carry=chosen.carry)
+        if isinstance(self._tool, SuctionCup):
+            most = self.config.max_candidates
+            options = {"cup": self._tool, "config": self.config, "most": most}
+            return ContactChoice(None, why_no_suction(self._bodies[name], motion, fixed + resting, table, **options))
         candidates = self._candidates(name, self._tool)
         return choose_contact(
             self._assembly.part(name),
@@ -197,7 +222,7 @@ def _contact(
     access: Access,
     checked: int,
 ) -> Contact:
-    gripper, opening = access.gripper, candidates.opening(k)
+    gripper, opening = candidates.gripper, candidates.opening(k)
     return Contact(
         kind="grasp",
         points_part=candidates.pairs.points[k],

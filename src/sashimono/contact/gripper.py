@@ -7,7 +7,7 @@ approach, from the palm to the part.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import fields as dataclass_fields
 from typing import Any, NamedTuple
@@ -202,10 +202,10 @@ Tool = Gripper | FingertipTool | None
 """What may hold a part; None: generic jaws in proportion to each part."""
 
 
-def named_gripper(name: str | Gripper) -> Tool:
+def named_gripper(name: str | Gripper, others: Sequence[str] = ()) -> Tool:
     """Return the tool with this name: ``fingertips``, a preset, or None for ``auto`` (proportionate to each part).
 
-    A gripper is returned as it is. Raises SashimonoError for any other name, listing those known.
+    A gripper is returned as it is. Raises SashimonoError for any other name, listing those known and ``others``.
     """
     if isinstance(name, Gripper):
         return name
@@ -214,7 +214,7 @@ def named_gripper(name: str | Gripper) -> Tool:
     if name == "auto":
         return None
     if name not in PRESETS:
-        known = ", ".join([FINGERTIPS.name, "auto", *sorted(PRESETS)])
+        known = ", ".join([FINGERTIPS.name, "auto", *sorted(PRESETS), *others])
         raise SashimonoError(f"gripper {name!r} is not known. Choose one of: {known}; or name a .json file.")
     return PRESETS[name]
 

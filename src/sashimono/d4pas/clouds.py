@@ -74,5 +74,5 @@ def normalised(cloud: Float[np.ndarray, "*batch 6"], center: Sequence[float] | n
 
 def _cloud(vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     points, normals, _ = measures.sample_surface(vertices, faces, count, rng)
-    # sampled triangle by triangle: shuffled, any first points of a cloud are a cloud
+    # samples come triangle by triangle; shuffled, the first points of a cloud are a cloud themselves
     return np.concatenate([points, normals], axis=1)[rng.permutation(count)]

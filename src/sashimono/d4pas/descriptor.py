@@ -34,7 +34,7 @@ def describe(assembly: Assembly) -> Float[np.ndarray, "number"]:
     arms = np.array([np.linalg.norm(mass.center - middle) for mass in masses])
     unit = 1e-5 * roots.max()
     order = np.lexsort((np.round(arms / unit), -np.round(roots / unit)))
-    # samples are drawn part by part: the same for the same product, whatever the parts' order
+    # samples are drawn part by part, so that the order of the parts does not matter
     ranked = replace(assembly, parts=tuple(assembly.parts[k] for k in order), identical=())
     points = blueprint_cloud(ranked, SAMPLES, seed=0)[0][:, :3]
     scale = _radius(np.concatenate([part.vertices_world[part.faces] for part in assembly.parts]))

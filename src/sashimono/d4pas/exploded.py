@@ -32,7 +32,7 @@ def explosion(
             way = np.asarray(ways_out.get(part, box.mean(axis=0) - 0.5 * (low + high)), dtype=np.float64)
             length = float(np.linalg.norm(way))
             way = way / length if length > 1e-12 else np.array([0.0, 0.0, 1.0])
-            # a gap is kept along the way only: neighbours side by side stay on one level
+            # parts keep a gap along the way only, so that neighbours side by side stay level
             along = gap * np.abs(way)
             others = np.array(placed) + np.array([-along, along])
             shrunk = box + np.array([[1.0], [-1.0]]) * 0.01 * (box[1] - box[0])

@@ -99,7 +99,7 @@ def make_dataset(
     runner = run or partial(run_items, workers=workers)
     try:
         for item, result in runner(todo, partial(work, config=config)):
-            # what killed its worker is not done here: family and seed are enough to draw the item again
+            # an item that killed its worker is not tried here; family and seed are enough to draw it again
             params = item.params if isinstance(item, ForeignItem) else {}
             entry = result or {**_about(item, params), "rows": None, "reason": DIED, "seconds": {}, "peak": 0}
             failed += entry["rows"] is None

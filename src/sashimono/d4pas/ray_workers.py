@@ -46,7 +46,7 @@ def ray_runner(
 def _work_off(
     ray: Any, items: Sequence[Any], work: Work, *, ahead: int, tries: int
 ) -> Iterator[tuple[Any, dict[str, Any] | None]]:
-    # tries are counted here: Ray's own retries would not end where memory runs out
+    # tries are counted here, because Ray would retry without end where memory runs out
     task = ray.remote(num_cpus=1, max_retries=0)(_call)
     shared, versions = ray.put(work), package_versions()
     waiting = deque((item, 1) for item in items)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sashimono.errors import InputError, SashimonoError
+from sashimono.files import atomic_write
 
 if TYPE_CHECKING:
     import pyarrow
@@ -61,16 +61,14 @@ def write_tables(out: Path, rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> 
     pa = require_pyarrow()
     for name, schema in schemas().items():
         table = pa.Table.from_pylist([dict(row) for row in rows[name]], schema=schema)
-        temporary = out / f".{name}.parquet"
-        pa.parquet.write_table(table, temporary, compression="zstd", compression_level=15)
-        os.replace(temporary, out / f"{name}.parquet")
+        with atomic_write(out / f"{name}.parquet") as scratch:
+            pa.parquet.write_table(table, scratch, compression="zstd", compression_level=15)
 
 
 def write_manifest(out: Path, content: Mapping[str, Any]) -> None:
     """Write the manifest, last of all: a folder without one is no dataset yet."""
-    temporary = out / ".manifest.json"
-    temporary.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    os.replace(temporary, out / "manifest.json")
+    with atomic_write(out / "manifest.json") as scratch:
+        scratch.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -94,9 +92,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def write_sources(out: Path, base: Path) -> None:
     """Write where other people's assemblies are on this machine; it is no part of the dataset."""
-    temporary = out / f".{SOURCES}"
-    temporary.write_text(json.dumps({"folder": str(base)}) + "\n", encoding="utf-8")
-    os.replace(temporary, out / SOURCES)
+    with atomic_write(out / SOURCES) as scratch:
+        scratch.write_text(json.dumps({"folder": str(base)}) + "\n", encoding="utf-8")
 
 
 def read_sources(folder: Path) -> Path:

@@ -1,7 +1,7 @@
 """The cascade: can this part leave the remaining ones, and by which motion?
 
-The front door of level 1. `Cascade.stages` lists the stages in their order; each is asked only what the ones before
-left open. `Cascade.separate` asks them about one part; a sequence asks each about all parts before the next.
+This is the front door of level 1. `Cascade.stages` lists the stages in their order. Each is asked only what the ones
+before left open. `Cascade.separate` asks them about one part. A sequence asks each about all parts before the next.
 To add a stage, write it in a file of its own (`separation.Stage`) and add a line to `Cascade.stages`.
 """
 
@@ -13,16 +13,18 @@ from dataclasses import replace
 from sashimono.assembly import Assembly
 from sashimono.disassembly.blocking.groups import GroupStage
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.shared import SharedBodies
 from sashimono.disassembly.blocking.stage import BlockingStage
 from sashimono.disassembly.conditions.clauses import RemovalConditions
 from sashimono.disassembly.conditions.find import find_conditions
 from sashimono.disassembly.config import SeparateConfig
 from sashimono.disassembly.inquiry import Inquiry
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.paths import hit_by_removal
 from sashimono.disassembly.physics.stage import PhysicsStage
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import DeclaredThread, Separation, Stage
+from sashimono.disassembly.shared_bodies import SharedBodies
 from sashimono.disassembly.threads.declared import declared_removal
 from sashimono.disassembly.threads.stage import ThreadStage
 from sashimono.disassembly.threads.surface import Threads
@@ -31,12 +33,13 @@ from sashimono.disassembly.translation.contact_normals import ContactNormals
 from sashimono.disassembly.translation.search import TranslationSearch
 from sashimono.disassembly.translation.stage import TranslationStage
 from sashimono.geometry.body import Body
+from sashimono.plan import Answer
 
 __all__ = ["Cascade", "SeparateConfig"]
 
 
 class Cascade:
-    """Answers separation questions about one assembly, faster where the same question was asked before.
+    """Answers separation questions about one assembly. A question that was asked before is answered faster.
 
     The same question has the same answer, whatever was asked before.
     """
@@ -44,22 +47,23 @@ class Cascade:
     def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: SeparateConfig) -> None:
         self.assembly = assembly
         self.config = config
-        self.blocking = table = Blocking(assembly, bodies, config=config.blocking)
-        self.shared = SharedBodies(table, config=config.shared)
-        self._threads = Threads(table, config=config.unscrew)
-        self._touching = ContactNormals(table, gap=config.contact_gap)
-        self.directions = BlockingStage(table)
-        self.threads = ThreadStage(table, self._threads, hit_tolerance=config.physics.tolerance)
+        self.parts = parts = PlacedParts(assembly, bodies, config=config.parts)
+        self.blocking = Blocking(parts, config=config.blocking)
+        self.shared = SharedBodies(parts, config=config.shared)
+        self._threads = Threads(parts, config=config.unscrew)
+        self._touching = ContactNormals(parts, gap=config.contact_gap)
+        self.directions = BlockingStage(self.blocking)
+        self.threads = ThreadStage(parts, self._threads)
         self.translations = TranslationStage(
-            table,
-            ContactNormals(table, gap=config.proof_gap),
-            TranslationSearch(table, config=config.translation),
+            parts,
+            ContactNormals(parts, gap=config.proof_gap),
+            TranslationSearch(parts, config=config.translation),
             escape_samples=config.escape_samples,
             proof_margin=config.proof_margin,
         )
-        self.groups = GroupStage(table)
-        self.physics = PhysicsStage(table, config=config.physics)
-        self.tilting = TiltStage(table, config=config.tilt)
+        self.groups = GroupStage(self.blocking)
+        self.physics = PhysicsStage(parts, config=config.physics)
+        self.tilting = TiltStage(parts, config=config.tilt)
         self.stages: tuple[Stage, ...] = (
             self.directions,
             self.threads,
@@ -87,12 +91,13 @@ class Cascade:
             self.directions,
             self.inquire(),
             translations=self.translations,
+            fewer_holders=self.translations.fewer_holders,
             physics=self.physics,
             config=self.config,
             reachable_only=reachable_only,
         )
 
-    def turned(self, part: int, remaining: int, separation: Separation) -> Separation:
+    def with_declared_thread(self, part: int, remaining: int, separation: Separation) -> Separation:
         """Return a separation by one translation as one by a declared thread, where the part has one; else as it is."""
         if not self.config.declare.enabled or separation.removal is None:
             return separation
@@ -110,13 +115,32 @@ class Cascade:
     def touching(self, part: int) -> int:
         """Return the mask of the parts that touch this one in the assembled pose."""
         mask = 0
-        for other in range(len(self.blocking)):
-            if other != part and (self.blocking.allowances[part, other] > 0.0 or self._touching.touch(part, other)):
+        for other in range(len(self.parts)):
+            if other != part and (self.parts.overlaps[part, other] > 0.0 or self._touching.touch(part, other)):
                 mask |= 1 << other
         return mask
 
     def _ask(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
-        """What a stage says; recalled where it would say the same again with the tracing steps that are left now."""
+        """Return what a stage knows about a part. Two parts alone come apart by one relative motion.
+
+        So where they are alone, what frees either frees both, and what is proven of either is proven of both.
+        """
+        own = self._recall(stage, part, remaining, max_traced)
+        if own.answer is not Answer.UNKNOWN or remaining.bit_count() != 2:
+            return own
+        other = bits(remaining & ~(1 << part))[0]
+        theirs = self._recall(stage, other, remaining, max(0, max_traced - own.traced))
+        traced, is_cut = own.traced + theirs.traced, own.is_cut or theirs.is_cut
+        if theirs.removal is not None:
+            removal = theirs.removal.of_the_other()
+            hits = hit_by_removal(self.parts, part, removal, bits(self.parts.all_parts & ~remaining))
+            return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=theirs.stage, traced=traced)
+        if theirs.proven_for is not None:
+            return replace(theirs, blocked_by=(other,), traced=traced)
+        return replace(own, traced=traced, is_cut=is_cut)
+
+    def _recall(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
+        """Return what a stage says; from memory where, with the steps that are left now, it would say the same."""
         answers = self._answers.setdefault((stage.name, part, remaining), [])
         for given, said in answers:
             if given == max_traced or said.traced < min(given, max_traced):

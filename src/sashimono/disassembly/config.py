@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from sashimono.disassembly.blocking.relation import BlockingConfig
-from sashimono.disassembly.blocking.shared import SharedConfig
 from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.placed_parts import PlacedPartsConfig
+from sashimono.disassembly.shared_bodies import SharedConfig
 from sashimono.disassembly.threads.declared import DeclareConfig
 from sashimono.disassembly.threads.surface import UnscrewConfig
 from sashimono.disassembly.tilting.search import TiltConfig
@@ -15,8 +16,9 @@ from sashimono.disassembly.translation.search import TranslationConfig
 
 @dataclass(frozen=True, kw_only=True)
 class SeparateConfig:
-    """Budgets and tolerances of the cascade."""
+    """Budgets and tolerances of the cascade; the depths that motions may reach are in ``parts.tolerances``."""
 
+    parts: PlacedPartsConfig = field(default_factory=PlacedPartsConfig)
     blocking: BlockingConfig = field(default_factory=BlockingConfig)
     translation: TranslationConfig = field(default_factory=TranslationConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)

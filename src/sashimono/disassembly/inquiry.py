@@ -1,8 +1,8 @@
 """An inquiry: the questions of one run, with what follows from the answers so far, and one budget for all.
 
 Fewer obstacles never block more. So a motion frees a part from every set without the parts that it hits, and a
-failure holds for every set that has what caused it. What one inquiry was told no other one knows: an answer never
-depends on what somebody else asked before.
+failure holds for every set that has what caused it. Inquiries share nothing: an answer never depends on what another
+inquiry asked before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ Ask = Callable[[Stage, int, int, int], Separation]
 class Inquiry:
     """Asks stages, remembers what they said, and shares one budget of tracing steps among all questions.
 
-    Late questions may end UNKNOWN for those asked before. The same questions in the same order have the same answers.
+    A late question may end UNKNOWN because earlier ones spent the budget. The same questions in the same
+    order have the same answers.
     """
 
     def __init__(self, stages: Sequence[Stage], ask: Ask, *, max_traced: int) -> None:

@@ -1,4 +1,4 @@
-"""The exact check of a path: how far a part follows a geodesic before it is deeper in another than tolerated."""
+"""The exact check of a path: how far a part follows a geodesic before it is deeper in another part than tolerated."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.body import mutual_depth
-from sashimono.geometry.distance.screw import Screw, adjoint, between, march_screw
+from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between
 
 _STRIDES = (16, 1)
-"""Some probes are followed first, as most legs that are blocked are blocked for these; all have the last word."""
+"""Every sixteenth probe is followed first: most blocked legs are blocked for these. All probes have the last word."""
 _REFINE = 1.0 / 16.0
 """Where a leg stops is found to this share of the least step."""
 _ARC = np.pi / 12.0
@@ -25,24 +26,22 @@ _ARC = np.pi / 12.0
 class Paths:
     """Paths of one part past some others, as displacements from the assembled pose in the world frame.
 
-    Every answer is a pure function of its arguments; what they took is counted in ``touched`` and ``traced``. The
-    probes of both parts are followed with the least step of the blocking relation.
+    Every answer is a pure function of its arguments. What the answers took is counted in ``touched`` and ``traced``.
+    The probes of both parts are followed with the least step of `Tolerances`.
     """
 
-    def __init__(self, blocking: Blocking, part: int, others: Sequence[int], *, tolerance: float) -> None:
+    def __init__(self, parts: PlacedParts, part: int, others: Sequence[int], *, tolerance: float) -> None:
         """Take in the parts, and the depth allowed beyond the assembled overlap, over the pair's scale."""
         self.tolerance = tolerance
-        self.blocking = blocking
+        self.parts = parts
         self.part = part
         self.others = tuple(others)
-        self.body = blocking.bodies[part]
-        self.T_assembled = blocking.poses[part]
-        self.size = float(blocking.sizes[part])
+        self.body = parts.bodies[part]
+        self.T_assembled = parts.poses[part]
+        self.size = float(parts.sizes[part])
         self.center = se3.apply(self.T_assembled, self.body.center[None])[0]
         """Centre of the part in the assembled pose [m], world frame."""
-        boxes = [blocking.assembly.parts[k].bounds_world for k in self.others]
-        self._low = np.array([box[0] for box in boxes]).reshape(-1, 3)
-        self._high = np.array([box[1] for box in boxes]).reshape(-1, 3)
+        self._low, self._high = parts.boxes[list(self.others)].reshape(-1, 2, 3).swapaxes(0, 1)
         self.touched: set[int] = set()
         """Parts that stopped it in any answer so far: without the others all answers but `out` are bitwise the same."""
         self.traced = 0
@@ -57,7 +56,7 @@ class Paths:
         near = self.near(D, twist=twist)
         for stride in _STRIDES:
             for other in near:
-                u = self._past(D, scale * twist, other, stride, self.blocking.config.least_step)
+                u = self._past(D, scale * twist, other, stride, self.parts.tolerances.least_step)
                 if np.isfinite(u):
                     scale, stopper = scale * u, other
                     self.touched.add(other)
@@ -65,23 +64,23 @@ class Paths:
                     return 0.0, stopper
         return scale, stopper
 
-    def halt(self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]) -> tuple[float, int | None]:
-        """Return as `advance` does, but kept back so that the part just touches what stops it."""
+    def advance_to_contact(
+        self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]
+    ) -> tuple[float, int | None]:
+        """Return what `advance` does, but less by so much that the part just touches what stops it."""
         u, stopper = self.advance(D, twist)
         if stopper is None:
             return u, None
         rate = self.rate(D, twist)
-        config = self.blocking.config
-        size = min(self.size, float(self.blocking.sizes[stopper]))
-        start = max(0.0, u - config.least_step * size / rate)
+        size = self.parts.smaller_size(self.part, stopper)
+        start = max(0.0, u - self.parts.tolerances.least_step * size / rate)
         D_start = se3.exp(start * twist) @ D
-        fine = config.least_step * _REFINE
+        fine = self.parts.tolerances.least_step * _REFINE
         rest = (u - start) * twist
         past = {other: self._past(D_start, rest, other, 1, fine) for other in self.near(D_start, twist=rest)}
         self.touched.update(other for other, first in past.items() if np.isfinite(first))
         stop = start + (u - start) * min(1.0, *past.values())
-        allowed = self.tolerance * self.blocking.scale(self.part, stopper)
-        allowed += float(self.blocking.allowances[self.part, stopper])
+        allowed = self.parts.limit(self.part, stopper, self.tolerance)
         return max(0.0, stop - (fine * size + allowed) / rate), stopper
 
     def check(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
@@ -93,26 +92,26 @@ class Paths:
         return se3.make(None, self._way_past(self.others, D, direction) * direction) @ D
 
     def straight(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "6"]:
-        """Return the translation from D along a unit direction past the whole assembly, whatever of it remains."""
-        return np.concatenate([self._way_past(range(len(self.blocking)), D, direction) * direction, np.zeros(3)])
+        """Return the translation from D along a unit direction past the whole assembly, not only past what remains."""
+        return np.concatenate([self._way_past(range(len(self.parts)), D, direction) * direction, np.zeros(3)])
 
     def parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
         """Return whether a checked path holds to the bare tolerance from where an overlapping pair first parts.
 
         The overlap in the assembled pose excuses a pair only until the two have come apart (`parting`).
         """
-        table = self.blocking
+        parts = self.parts
         for other in self.others:
-            bare = table.config.tolerance * table.scale(self.part, other)
-            if table.allowances[self.part, other] > bare and not self._parts_once(displacements, other, bare):
+            bare = parts.tolerances.translation * parts.scale(self.part, other)
+            if parts.overlaps[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True
 
     def _parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"], other: int, bare: float) -> bool:
-        """Whether the path is within the bare depth of one other after it has first been."""
-        table = self.blocking
-        least = table.config.least_step * min(self.size, float(table.sizes[other]))
-        T_b_world = se3.inverse(table.poses[other])
+        """Return whether the path stays within the bare depth of one other part from where it first is."""
+        parts = self.parts
+        least = parts.tolerances.least_step * parts.smaller_size(self.part, other)
+        T_b_world = se3.inverse(parts.poses[other])
         parted = False
         for a, b in pairwise(displacements):
             twist = between(a, b)
@@ -120,12 +119,12 @@ class Paths:
             start = 0.0
             while not parted and start < 1.0:
                 T_b_a = T_b_world @ se3.exp(start * twist) @ a @ self.T_assembled
-                depth = mutual_depth(self.body, table.bodies[other], T_b_a)
+                depth = mutual_depth(self.body, parts.bodies[other], T_b_a)
                 parted = depth <= bare
                 start += 0.0 if parted else max(depth - bare, least) / max(rate, least)
             if parted and start < 1.0:
                 D, rest = se3.exp(start * twist) @ a, (1.0 - start) * twist
-                if np.isfinite(self._past(D, rest, other, 1, table.config.least_step, limit=bare)):
+                if np.isfinite(self._past(D, rest, other, 1, parts.tolerances.least_step, limit=bare)):
                     return False
         return True
 
@@ -135,9 +134,9 @@ class Paths:
             return None
         return self.out(D, direction)
 
-    def _way_past(self, parts: Sequence[int], D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> float:
+    def _way_past(self, among: Sequence[int], D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> float:
         back = self.body.lowest(D @ self.T_assembled, direction)
-        fronts = [float(self.blocking.world_bounds_along(k, direction)[1]) for k in parts]
+        fronts = [float(self.parts.bounds_along(k, direction)[1]) for k in among]
         return max(max(fronts, default=back) - back, 0.0) + 0.05 * self.size
 
     def distance(self, D_a: Float[np.ndarray, "4 4"], D_b: Float[np.ndarray, "4 4"]) -> float:
@@ -161,7 +160,7 @@ class Paths:
     def _swept_box(
         self, D: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"] | None
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-        """Bounds of the part on its way: of its hull at some poses, by as much wider as an arc leaves its chord."""
+        """Return bounds of the part on its way: its hull at some poses, widened by what an arc leaves its chord."""
         corners = se3.apply(D @ self.T_assembled, self.body.hull_points)
         if twist is None:
             return corners.min(axis=0), corners.max(axis=0)
@@ -189,34 +188,52 @@ class Paths:
 
         Too deep is more than ``limit`` [m], or than the assembled overlap and the tolerance if None.
         """
-        table = self.blocking
-        b = table.bodies[other]
-        size = min(self.size, float(table.sizes[other]))
+        parts = self.parts
+        b = parts.bodies[other]
+        size = parts.smaller_size(self.part, other)
         if limit is None:
-            limit = float(table.allowances[self.part, other]) + self.tolerance * table.scale(self.part, other)
+            limit = parts.limit(self.part, other, self.tolerance)
         options = {"limit": limit, "least_step": least * size}
-        T_b_world = se3.inverse(table.poses[other])
+        T_b_world = se3.inverse(parts.poses[other])
         T_b_a = T_b_world @ D @ self.T_assembled
         T_a_b = se3.inverse(T_b_a)
         along_b = adjoint(T_b_world, twist)
         probes = se3.apply(T_b_a, self.body.probes[::stride])
-        first, steps = march_screw(b.signed_distance, probes, along_b, **options)
+        first, steps = advance_along_screw(b.signed_distance, probes, along_b, **options)
         self.traced += len(probes) + steps
         if first == 0.0:
             return 0.0
         scale = first if np.isfinite(first) else 1.0
         # seen from the part, the other moves the opposite way
         probes = se3.apply(T_a_b, b.probes[::stride])
-        second, steps = march_screw(self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options)
+        second, steps = advance_along_screw(
+            self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options
+        )
         self.traced += len(probes) + steps
         return scale * second if np.isfinite(second) else first
 
 
-def hit_by_path(blocking: Blocking, part: int, removal: Removal, among: Sequence[int], *, tolerance: float) -> int:
+def hit_by_removal(parts: PlacedParts, part: int, removal: Removal, among: Sequence[int]) -> int:
+    """Return the mask of the parts that a removal runs into, to the tolerance of its kind: translations, or turns."""
+    if np.abs(removal.displacements[:, :3, :3] - np.eye(3)).max() > 1e-12:
+        return hit_by_path(parts, part, removal, among, tolerance=parts.tolerances.turning)
+    mask = 0
+    stops = removal.displacements[:, :3, 3]
+    for other in among:
+        for leg, (start, stop) in enumerate(pairwise(stops)):
+            length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
+            direction = (stop - start) / np.linalg.norm(stop - start)
+            if np.isfinite(free_travel(parts, part, start, direction, other, length=length)):
+                mask |= 1 << other
+                break
+    return mask
+
+
+def hit_by_path(parts: PlacedParts, part: int, removal: Removal, among: Sequence[int], *, tolerance: float) -> int:
     """Return the mask of the parts that a removal by any motion runs into; tolerance as for `Paths`."""
     mask = 0
     for other in among:
-        paths = Paths(blocking, part, [other], tolerance=tolerance)
+        paths = Paths(parts, part, [other], tolerance=tolerance)
         displacements = removal.displacements
         last = paths.exit(displacements[-1], removal.exit_direction) if paths.check(displacements) else None
         # a part that the motion parts from, and meets again, is hit too

@@ -11,7 +11,7 @@ class Refusal:
 
     members: int
     """Mask of the parts that move."""
-    signed: int | None
-    """Signed direction in the blocking relation; None: every motion that is not one of its directions."""
+    direction_index: int | None
+    """Direction in the blocking relation; None: every motion that is not one of its directions."""
     only_turned: bool = False
     """Whether only the turn of a declared thread along the direction is refused; the straight pull is not."""

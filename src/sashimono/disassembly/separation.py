@@ -1,4 +1,4 @@
-"""A separation: what is known about one part among the remaining ones. A stage: one way to find it out."""
+"""A separation is what is known about one part among the remaining ones. A stage is one way to find it out."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Separation:
     """The witness, where the answer is FREE."""
     hits: int = 0
     """Parts that were not among the obstacles and that it would run into (a mask)."""
-    signed: int | None = None
+    direction_index: int | None = None
     """Its direction in the blocking relation, where it is one of them."""
     declared: DeclaredThread | None = None
     """The thread by which it is turned out, where one was declared."""
@@ -60,7 +60,7 @@ class Separation:
         assert (self.answer is Answer.PROVEN_BLOCKED) == (self.proven_for is not None), "a proof is of some motions"
 
     def and_then(self, later: Separation) -> Separation:
-        """Return what is known after a later stage: its motion; else the proof, and what both say."""
+        """Return what is known after a later stage: its motion if it found one, else the proof and what both say."""
         if later.answer is Answer.FREE:
             return later
         proof = later if self.proven_for is None and later.proven_for is not None else self

@@ -1,4 +1,4 @@
-"""What the planners ask of a part's shape again and again, worked out once and shared by all levels."""
+"""A part's shape as the planners ask for it: worked out once, and shared by all levels."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Body:
 
     @cached_property
     def wall(self) -> float:
-        """Thickness of the thin walls [m]: one sample in twenty has less material straight behind it."""
+        """Thickness of the thin walls [m]: one surface sample in twenty has less material straight behind it."""
         origins = self.samples - 1e-6 * self.radius * self.sample_normals
         thickness, _ = cast_rays(self.signed_distance, origins, -self.sample_normals, side="leaving")
         thickness = thickness[np.isfinite(thickness)]

@@ -1,4 +1,4 @@
-"""Checks at the door: closed parts, plausible size, overlap in the assembled pose."""
+"""Checks after reading: closed parts, plausible size, overlap in the assembled pose."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ _MEANINGLESS = re.compile(
 
 
 def choose_name(candidates: Sequence[str]) -> str:
-    """Return the first name that says something: no converter's number, no bare "SOLID"; "part" if none does."""
+    """Return the first name that says something; "part" if none does. A converter's number or "SOLID" says nothing."""
     for name in candidates:
         clean = " ".join("".join(c if c.isprintable() else " " for c in name).split())
         if not _MEANINGLESS.fullmatch(clean):

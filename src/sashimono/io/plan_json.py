@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 
 from sashimono.assembly import Overlap, Source
 from sashimono.errors import PlanFormatError
+from sashimono.files import atomic_write
 from sashimono.io.plan_schema import first_violation
 from sashimono.plan import (
     Answer,
@@ -40,18 +39,8 @@ def write_plan(plan: AssemblyPlan, path: str | Path) -> None:
     an object that is no number, text, list or mapping) or breaks the contract; then nothing is written.
     """
     text = plan_to_json(plan)
-    path = Path(path)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with atomic_write(path) as scratch:
+        scratch.write_text(text, encoding="utf-8", newline="\n")
 
 
 def read_plan(path: str | Path) -> AssemblyPlan:
@@ -144,6 +133,8 @@ def _step_document(step: Step) -> dict[str, Any]:
         "contact_reason": step.contact_reason,
         "evidence": step.motion.evidence,
     }
+    if step.motion.times is not None:
+        out["path"]["times"] = step.motion.times
     if step.carry is not None:
         out["carry"] = _contact_document(step.carry)
     if step.grippers:
@@ -283,6 +274,7 @@ def _step(step: Mapping[str, Any]) -> Step:
             T_world_part=np.array(path["T_world_part"], dtype=np.float64),
             segments=_each(path["segments"], lambda s: Segment(kind=s["kind"], start=s["start"], stop=s["stop"])),
             evidence=step["evidence"],
+            times=None if path.get("times") is None else np.array(path["times"], dtype=np.float64),
         ),
         contact=None if contact is None else _contact(contact),
         contact_reason=step.get("contact_reason"),

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from typing import Any
 
 _LARGEST = 10**300
-"""Whole numbers much greater fit no float."""
+"""A whole number much greater than this does not fit into a float."""
 
 _TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),
@@ -20,15 +21,42 @@ _TYPES: dict[str, tuple[type, ...]] = {
     "string": (str,),
     "number": (int, float),
     "integer": (int,),
+    "boolean": (bool,),
     "null": (type(None),),
 }
+
+_KEYWORDS = {
+    *("$defs", "$ref", "$schema", "additionalProperties", "anyOf", "const", "description", "enum", "items"),
+    *("maxItems", "minItems", "minimum", "properties", "required", "title", "type"),
+}
+"""What this subset knows. A keyword that it passed over would be a rule that nobody checks."""
 
 
 @cache
 def plan_schema() -> dict[str, Any]:
     """Return the JSON Schema of plan.json."""
     text = resources.files("sashimono.io").joinpath("plan.schema.json").read_text(encoding="utf-8")
-    return json.loads(text)
+    schema = json.loads(text)
+    refuse_unknown(schema)
+    return schema
+
+
+def refuse_unknown(schema: Mapping[str, Any], where: str = "$") -> None:
+    """Raise ValueError, with the place, for a keyword or type in a schema that this subset does not check."""
+    if unknown := sorted(set(schema) - _KEYWORDS):
+        raise ValueError(f"{where}: the check of plan.json does not know {', '.join(unknown)}")
+    if schema.get("type", "object") not in _TYPES:
+        raise ValueError(f"{where}.type: the check of plan.json does not know {schema['type']!r}")
+    for keyword in ("properties", "$defs"):
+        for name, inner in schema.get(keyword, {}).items():
+            refuse_unknown(inner, f"{where}.{keyword}.{name}")
+    for k, inner in enumerate(schema.get("anyOf", ())):
+        refuse_unknown(inner, f"{where}.anyOf[{k}]")
+    for keyword in ("items", "additionalProperties"):
+        if isinstance(schema.get(keyword), dict):
+            refuse_unknown(schema[keyword], f"{where}.{keyword}")
+        elif keyword in schema:
+            raise ValueError(f"{where}.{keyword}: must be a schema")
 
 
 def first_violation(document: Any) -> str | None:
@@ -57,7 +85,7 @@ def _check(value: Any, schema: dict[str, Any], where: str) -> str | None:
         return f"{where}: is {_short(value)}, must be {schema['const']!r}"
     if "enum" in schema and value not in schema["enum"]:
         return f"{where}: is {_short(value)}, must be one of {', '.join(map(repr, schema['enum']))}"
-    if "type" in schema and (not isinstance(value, _TYPES[schema["type"]]) or isinstance(value, bool)):
+    if "type" in schema and (not _is_of_type(value, schema["type"])):
         return f"{where}: is {_short(value)}, must be of type {schema['type']}"
     if isinstance(value, float) and not math.isfinite(value):
         return f"{where}: is not a finite number"
@@ -77,7 +105,16 @@ def _check_object(value: dict[str, Any], schema: dict[str, Any], where: str) -> 
     for name, inner in schema.get("properties", {}).items():
         if name in value and (violation := _check(value[name], inner, f"{where}.{name}")):
             return violation
+    if "additionalProperties" in schema:
+        for name in sorted(value.keys() - schema.get("properties", {}).keys()):
+            if violation := _check(value[name], schema["additionalProperties"], f"{where}.{name}"):
+                return violation
     return None
+
+
+def _is_of_type(value: Any, kind: str) -> bool:
+    """Return whether a value is of a JSON type; true and false are no numbers."""
+    return isinstance(value, _TYPES[kind]) and (kind == "boolean" or not isinstance(value, bool))
 
 
 def _check_array(value: list[Any], schema: dict[str, Any], where: str) -> str | None:

@@ -31,24 +31,24 @@ class ReadConfig:
     step_angular: float = 0.3
     """Tessellation of STEP: largest turn between neighbouring chords [rad]."""
     step_retries: tuple[float, ...] = (1.7, 3.0, 0.6)
-    """Where the converter left faces of a part out: the tessellation is tried again, this many times as coarse."""
+    """The converter may leave out faces of a part. Then the tessellation is tried again, this many times as coarse."""
     split: Literal["auto", "all", "none"] = "auto"
-    """Parts that are several solids: taken apart where solids lie apart, box from box, so that nothing can hold them
-    together; into all their solids; or never."""
+    """Which parts of several solids are taken apart: those whose solids' boxes do not meet, so that nothing can hold
+    them together (auto); all; or none."""
     weld: float = 1e-5
-    """Vertices nearer than this are one where a surface is not closed otherwise, over the part's diagonal."""
+    """Where a surface is not closed, vertices nearer than this are welded; relative to the part's diagonal."""
     hole_area: float = 0.02
-    """Largest hole that is filled, its area over the part's surface area."""
+    """Area of the largest hole that is filled, relative to the part's surface area."""
     hole_flatness: float = 0.02
-    """How far a hole's rim may leave its plane to be filled, over the rim's diagonal."""
+    """A hole is filled if its rim stays this near to a plane; relative to the rim's diagonal."""
     overlap: float = 1e-6
-    """Overlaps below this fraction of the smaller part's volume are rounding, and not reported."""
+    """Overlaps below this fraction of the smaller part's volume count as rounding. They are not reported."""
     fold_angle: float = 0.4
-    """Neighbouring triangles are back to back if the angle between them is smaller [rad]."""
+    """Two neighbouring triangles lie back to back if the angle between them is smaller than this [rad]."""
     fold_step: float = 1e-3
-    """How far before and behind such a triangle it is asked what is inside, over the root of twice its area."""
+    """The winding number is taken this far before and behind such a triangle, over √(2 area)."""
     max_folds: int = 400
-    """Triangles of one part of which that is asked."""
+    """Most triangles of one part for which it is taken."""
     smallest: float = 1e-3
     """Assemblies with a smaller diagonal [m] get a note to check the unit."""
     largest: float = 100.0

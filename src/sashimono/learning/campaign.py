@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import json
 import logging
-import os
 import sys
 import time
 import tomllib
@@ -24,6 +23,7 @@ from typing import Any
 import torch
 
 from sashimono.errors import InputError
+from sashimono.files import atomic_write
 from sashimono.learning.batch import DeviceClouds
 from sashimono.learning.cloud_cache import CloudCache, CloudConfig, Dataset, make_cache, open_cache
 from sashimono.learning.config_files import TrainConfig, from_values, read_config
@@ -324,12 +324,10 @@ def _collect(config: CampaignConfig, folders: Folders) -> dict[str, Any]:
             with path.open(newline="", encoding="utf-8") as file:
                 rows += [{"model": entry.name, **row} for row in csv.DictReader(file)]
     names = list(dict.fromkeys(name for row in rows for name in row))
-    scratch = folders.out / "log.tmp"
-    with scratch.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(folders.out / "log.csv") as scratch, scratch.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, names or ["model"], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    os.replace(scratch, folders.out / "log.csv")
     found = {path.parent.name: read_evaluation(path) for path in sorted(folders.work.glob(f"*/{EVALUATION}"))}
     results: dict[str, Any] = {
         "table": table_one(found),
@@ -337,9 +335,8 @@ def _collect(config: CampaignConfig, folders: Folders) -> dict[str, Any]:
         "by_parts": {name: _groups(evaluation.by_parts) for name, evaluation in found.items()},
         "by_family": {name: _groups(evaluation.by_family) for name, evaluation in found.items()},
     }
-    scratch = folders.out / "results.tmp"
-    scratch.write_text(json.dumps(results, indent=1), encoding="utf-8")
-    os.replace(scratch, folders.out / "results.json")
+    with atomic_write(folders.out / "results.json") as scratch:
+        scratch.write_text(json.dumps(results, indent=1), encoding="utf-8")
     return results
 
 

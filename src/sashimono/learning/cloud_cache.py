@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -28,6 +27,7 @@ from sashimono.assembly import Assembly
 from sashimono.d4pas.clouds import blueprint_cloud, normalised, part_clouds, unit_frame
 from sashimono.d4pas.states import Masks, all_states, can_leave, right_next
 from sashimono.errors import InputError
+from sashimono.files import atomic_write
 from sashimono.geometry.mesh import measures
 
 if TYPE_CHECKING:
@@ -402,7 +402,5 @@ def _mapped(
 
 
 def _save(path: Path, array: np.ndarray) -> None:
-    scratch = path.with_suffix(f".{os.getpid()}.tmp")
-    with scratch.open("wb") as file:
+    with atomic_write(path) as scratch, scratch.open("wb") as file:
         np.save(file, array)
-    scratch.replace(path)

@@ -7,7 +7,6 @@ figures are kept by blueprint, and summed up over groups of blueprints with boot
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -19,6 +18,7 @@ import numpy as np
 from sashimono import __version__
 from sashimono.d4pas.heuristics import by_clearance, inside_out
 from sashimono.d4pas.states import right_next
+from sashimono.files import atomic_write
 from sashimono.learning.cloud_cache import MOST_PARTS, CloudCache, Dataset, LabelledBlueprint, shape_classes
 
 MOST_STATES = 16
@@ -407,9 +407,8 @@ def heuristics(cache: CloudCache, *, seed: int = 0) -> dict[str, OrderPredictor]
 
 def write_evaluation(path: Path, evaluation: Evaluation) -> None:
     """Write an evaluation as JSON."""
-    scratch = path.with_suffix(".tmp")
-    scratch.write_text(json.dumps(asdict(evaluation), indent=1, sort_keys=True), encoding="utf-8")
-    os.replace(scratch, path)
+    with atomic_write(path) as scratch:
+        scratch.write_text(json.dumps(asdict(evaluation), indent=1, sort_keys=True), encoding="utf-8")
 
 
 def read_evaluation(path: Path) -> Evaluation:

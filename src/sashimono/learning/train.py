@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import importlib.util
 import logging
-import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from torch import Tensor, nn
 from torch.nn.parallel import DistributedDataParallel
 
 from sashimono.errors import InputError
+from sashimono.files import atomic_write
 from sashimono.learning.batch import Batch, DeviceClouds, make_batch
 from sashimono.learning.cloud_cache import CloudCache
 from sashimono.learning.config_files import OptimizerConfig, TrainConfig, to_values
@@ -331,12 +331,10 @@ def _read_rows(path: Path) -> list[dict[str, str]]:
 
 def _write_rows(path: Path, rows: list[dict[str, str]]) -> None:
     names = list(dict.fromkeys(name for row in rows for name in row))
-    scratch = path.with_suffix(".tmp")
-    with scratch.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as scratch, scratch.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    os.replace(scratch, path)
 
 
 def _save(
@@ -347,18 +345,17 @@ def _save(
     optimizer: torch.optim.Optimizer,
     done: _Progress,
 ) -> None:
-    scratch = out / f"{CHECKPOINT}.tmp"
-    torch.save(
-        {
-            "config": to_values(config),
-            "model": model.state_dict(),
-            "average": average.state,
-            "optimizer": optimizer.state_dict(),
-            "done": vars(done),
-        },
-        scratch,
-    )
-    os.replace(scratch, out / CHECKPOINT)
+    with atomic_write(out / CHECKPOINT) as scratch:
+        torch.save(
+            {
+                "config": to_values(config),
+                "model": model.state_dict(),
+                "average": average.state,
+                "optimizer": optimizer.state_dict(),
+                "done": vars(done),
+            },
+            scratch,
+        )
 
 
 def _restore(

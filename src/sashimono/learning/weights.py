@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from torch import Tensor
 
 from sashimono import __version__
 from sashimono.errors import InputError
+from sashimono.files import atomic_write
 from sashimono.learning.config_files import TrainConfig, config_of, to_values
 from sashimono.learning.registry import classes
 
@@ -56,9 +56,8 @@ def write_weights(
         # each part names its card, so that parts of two moments are not taken for one
         own = head if number == 1 else {"card": card}
         arrays[HEAD] = np.frombuffer(json.dumps(own, sort_keys=True).encode(), dtype=np.uint8)
-        scratch = path.with_suffix(".tmp.npz")
-        np.savez(scratch, **typed(arrays))
-        os.replace(scratch, _part(path, number))
+        with atomic_write(_part(path, number)) as scratch, scratch.open("wb") as file:
+            np.savez(file, **typed(arrays))
 
 
 def read_weights(path: Path) -> Weights:

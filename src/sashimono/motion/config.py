@@ -67,6 +67,37 @@ class SmoothingConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SpeedLimits:
+    """How fast a part may go."""
+
+    speed: float
+    """Of the part's centre [m/s]."""
+    acceleration: float
+    """[m/s²]"""
+    turn_speed: float
+    """[rad/s]"""
+    turn_acceleration: float
+    """[rad/s²]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryConfig:
+    """How a path is timed. The defaults are within what every industrial arm does beside people (ISO 10218-1: 250
+    mm/s); set them to those of your robot."""
+
+    transit: SpeedLimits = field(
+        default_factory=lambda: SpeedLimits(speed=0.25, acceleration=1.0, turn_speed=1.5, turn_acceleration=6.0)
+    )
+    insertion: SpeedLimits = field(
+        default_factory=lambda: SpeedLimits(speed=0.05, acceleration=0.25, turn_speed=1.5, turn_acceleration=6.0)
+    )
+    deviation: float = 0.005
+    """How far a corner may be rounded, in radii of the part: sets the speed at it."""
+    corner: float = 0.17
+    """A change of direction beyond this counts as one [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class MotionConfig:
     """Options of level 2."""
 
@@ -94,3 +125,4 @@ class MotionConfig:
     tray: TrayConfig = field(default_factory=TrayConfig)
     rrt: RRTConfig = field(default_factory=RRTConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
+    trajectory: TrajectoryConfig = field(default_factory=TrajectoryConfig)

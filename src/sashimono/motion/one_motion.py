@@ -1,4 +1,4 @@
-"""The motion of one part: lift, transit, insertion."""
+"""The motion of one part: lift, transit, insertion, each at its time."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from sashimono.motion.pure_rrt import TolerantScene
 from sashimono.motion.rrt_connect import pose_metric, pose_sampler, rrt_connect
 from sashimono.motion.scene import EdgeCheck, Obstacle, Scene
 from sashimono.motion.smoothing import smooth
+from sashimono.motion.trajectory import time_path
 from sashimono.motion.transit import Transit, plan_transit
 from sashimono.motion.workspace import Rest
 from sashimono.plan import Answer, Motion, Segment, Table, Unsolved
@@ -101,17 +102,34 @@ def plan_motion(
     if transit.path is None:
         return _unsolved(name, transit.blocked_by, "no transit from resting to pre-insertion pose")
     stop = len(transit.path)
-    return Motion(
-        T_world_part=np.array([resting, *transit.path, *insertion.poses[1:]]),
-        segments=(
-            Segment(kind="transit", start=0, stop=stop),
-            Segment(kind="insertion", start=stop, stop=stop + len(insertion.poses) - 1),
-        ),
-        evidence={
+    return _timed(
+        np.array([resting, *transit.path, *insertion.poses[1:]]),
+        stop,
+        body,
+        config,
+        {
             **_transit_evidence(scene, lift, transit.path, transit),
             "preinsertion_gap": insertion.gap,
             "tipping_angle": setting.rest.stable[name].tipping_angle,
+            "resting_probability": setting.rest.stable[name].probability,
         },
+    )
+
+
+def _timed(
+    poses: Float[np.ndarray, "pose 4 4"], stop: int, body: Body, config: MotionConfig, evidence: Mapping[str, object]
+) -> Motion:
+    """The motion along these poses, the transit up to pose ``stop``, with its times."""
+    segments = (
+        Segment(kind="transit", start=0, stop=stop),
+        Segment(kind="insertion", start=stop, stop=len(poses) - 1),
+    )
+    trajectory = time_path(poses, segments, body, config.trajectory)
+    return Motion(
+        T_world_part=poses,
+        segments=segments,
+        evidence={**evidence, **trajectory.evidence()},
+        times=trajectory.times,
     )
 
 
@@ -165,18 +183,18 @@ def _pure_rrt(
         config=config.smoothing,
         rng=rng,
     )
-    poses = [resting, *path]
-    return Motion(
-        T_world_part=np.array(poses),
-        segments=(
-            Segment(kind="transit", start=0, stop=1),
-            Segment(kind="insertion", start=1, stop=len(poses) - 1),
-        ),
-        evidence={
+    poses = np.array([resting, *path])
+    return _timed(
+        poses,
+        1,
+        body,
+        config,
+        {
             "transit_certified": False,
-            "max_penetration": tolerant.max_penetration(poses),
+            "max_penetration": tolerant.max_penetration([resting, *path]),
             "tolerance": tolerant.tolerance,
             "tipping_angle": setting.rest.stable[name].tipping_angle,
+            "resting_probability": setting.rest.stable[name].probability,
             "edges_checked": result.edge_checks,
             "rrt_nodes": result.nodes,
         },

@@ -19,7 +19,7 @@ from sashimono.motion.insertion import Insertion, plan_insertion, sweep_low
 from sashimono.motion.one_motion import Setting, plan_motion
 from sashimono.motion.scene import Obstacle, slab_directions
 from sashimono.motion.workspace import rest_parts
-from sashimono.plan import Answer, Motion, Table, Unsolved
+from sashimono.plan import Answer, Motion, RestingPoses, Table, Unsolved
 
 _logger = logging.getLogger(__name__)
 
@@ -53,6 +53,7 @@ def plan_motions(
     rng: np.random.Generator,
     in_place: Sequence[str] = (),
     bodies: Mapping[str, Body] | None = None,
+    resting: RestingPoses | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> MotionResult:
     """Return a motion from resting to assembled pose for each part that has one.
@@ -69,6 +70,7 @@ def plan_motions(
         rng: Source of randomness; each part gets its own child, by its index in the assembly.
         in_place: Parts that stand assembled with the base part from the beginning.
         bodies: From `make_bodies`, to share them with other levels; made here if None.
+        resting: Table and resting poses from elsewhere; parts that it does not name are laid out beside them.
         progress: Called with (parts done, parts in all).
 
     Raises:
@@ -80,15 +82,22 @@ def plan_motions(
     rngs = rng.spawn(len(assembly))
     base, moving = order[0], [name for name in order[1:] if name not in in_place]
     known = {name: removals[name] for name in moving if name in removals}
-    normal = tables.choose_normal(bodies[base], assembled[base][:3, :3], known, config.table, config.resting)
+    if resting is None:
+        normal = tables.choose_normal(bodies[base], assembled[base][:3, :3], known, config.table, config.resting)
+    else:
+        normal = resting.table.normal
     R_table = tables.frame(normal)
     directions = slab_directions(R_table)
 
     insertions = _plan_insertions((base, *in_place), moving, known, bodies, assembled, directions, config)
     standing = min(bodies[name].lowest(assembled[name], normal) for name in (base, *in_place))
-    offset = _table_offset(standing, normal, moving, insertions, bodies, assembled, config)
+    if resting is None:
+        offset = _table_offset(standing, normal, moving, insertions, bodies, assembled, config)
+    else:
+        offset = resting.table.offset
     table = Table(normal=normal, offset=offset)
-    rest = rest_parts(moving, bodies, assembled, insertions, table, R_table, config)
+    given = None if resting is None else resting.poses
+    rest = rest_parts(moving, bodies, assembled, insertions, table, R_table, config, given)
     setting = Setting(
         bodies=bodies,
         assembled=assembled,

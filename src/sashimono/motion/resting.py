@@ -13,6 +13,8 @@ from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.motion.config import RestingConfig
 
+_SAME_FACE = float(np.cos(np.radians(2.0)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StablePose:
@@ -24,6 +26,9 @@ class StablePose:
     """Distance from the centre of mass's foot to the nearest edge of the face [m]."""
     height: float
     """Height of the centre of mass [m]."""
+    probability: float
+    """That the part, put down turned at random, comes to rest on this face (Goldberg et al., "Part pose statistics",
+    1999): the share of all directions, seen from the centre of mass, of this face and of those that tip onto it."""
 
     @property
     def tipping_angle(self) -> float:
@@ -64,8 +69,10 @@ def stable_poses(body: Body, config: RestingConfig | None = None) -> tuple[Stabl
     stable = np.flatnonzero(solid & (margins > 0.0) & np.isfinite(margins))
     if not len(stable):
         stable = np.array([np.argmin(np.where(solid, heights, np.inf))])
+    chances = _chances(_solid_angles(corners - body.mass_center), faces, inside, faces[hull.neighbors], stable)
     poses = [
         StablePose(
+            probability=float(chances[k]),
             down_part=downs[k],
             margin=max(float(margins[k]), 0.0) if np.isfinite(margins[k]) else 0.0,
             height=float(heights[k]),
@@ -74,6 +81,44 @@ def stable_poses(body: Body, config: RestingConfig | None = None) -> tuple[Stabl
     ]
     # rounding keeps mirror-image faces in mesh order, whatever the last bits say
     return tuple(sorted(poses, key=lambda pose: -round(pose.tipping_angle, 6)))
+
+
+def stable_at(body: Body, R_world_part: Float[np.ndarray, "3 3"], normal: Float[np.ndarray, "3"]) -> StablePose:
+    """Return the stable pose that a part turned like this stands in; one that withstands no tilt if there is none."""
+    down = -R_world_part.T @ normal
+    found = max(stable_poses(body), key=lambda pose: float(pose.down_part @ down))
+    if found.down_part @ down > _SAME_FACE:
+        return found
+    return StablePose(down_part=down, margin=0.0, height=body.radius, probability=0.0)
+
+
+def _solid_angles(corners: Float[np.ndarray, "triangle 3 3"]) -> Float[np.ndarray, "triangle"]:
+    """Solid angle of each triangle seen from the origin (van Oosterom and Strackee, 1983)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    volume = np.abs((a * np.cross(b, c)).sum(axis=1))
+    rest = la * lb * lc + (a * b).sum(axis=1) * lc + (a * c).sum(axis=1) * lb + (b * c).sum(axis=1) * la
+    return 2.0 * np.arctan2(volume, rest)
+
+
+def _chances(
+    angles: np.ndarray, faces: np.ndarray, inside: np.ndarray, across: np.ndarray, stable: np.ndarray
+) -> np.ndarray:
+    """The probability of each face: what is not stable tips over its outermost edge, onto the face ``across``."""
+    count = faces.max() + 1
+    target = np.arange(count)
+    order = np.lexsort([inside.reshape(-1), np.repeat(faces, 3)])
+    first = order[np.searchsorted(np.repeat(faces, 3)[order], target)]
+    falls = np.ones(count, dtype=np.bool_)
+    falls[stable] = False
+    target[falls] = across.reshape(-1)[first[falls]]
+    # a fall lowers the centre of mass, so that no face is met twice
+    for _ in range(count):
+        if (ahead := target[target]).tolist() == target.tolist():
+            break
+        target = ahead
+    chances = np.bincount(target, weights=np.bincount(faces, weights=angles, minlength=count), minlength=count)
+    return chances / chances[stable].sum() if chances[stable].sum() > 0.0 else np.full(count, 1.0 / len(stable))
 
 
 def resting_rotation(

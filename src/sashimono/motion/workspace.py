@@ -13,7 +13,7 @@ from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.motion.config import MotionConfig
 from sashimono.motion.insertion import Insertion, densify
-from sashimono.motion.resting import StablePose, resting_rotation
+from sashimono.motion.resting import StablePose, resting_rotation, stable_at
 from sashimono.motion.tray import lay_out
 from sashimono.plan import Table
 
@@ -40,6 +40,7 @@ def rest_parts(
     table: Table,
     R_table: Float[np.ndarray, "3 3"],
     config: MotionConfig,
+    given: Mapping[str, Float[np.ndarray, "4 4"]] | None = None,
 ) -> Rest:
     """Return resting poses for these parts, in tray order, clear of the assembly and of what is inserted low.
 
@@ -51,9 +52,14 @@ def rest_parts(
         table: Plane to stand on.
         R_table: Its frame; the last column is the normal.
         config: Options.
+        given: Resting poses from elsewhere, taken as they are; the others are laid out clear of them.
     """
-    rotations, stable, boxes = {}, {}, {}
-    for name in names:
+    given = {} if given is None else {name: given[name] for name in names if name in given}
+    stable = {name: stable_at(bodies[name], T[:3, :3], table.normal) for name, T in given.items()}
+    placed = [np.array(bodies[name].support(T, R_table.T)) for name, T in given.items()]
+    waiting = [name for name in names if name not in given]
+    rotations, boxes = {}, {}
+    for name in waiting:
         rotations[name], stable[name] = resting_rotation(
             bodies[name], assembled[name][:3, :3], table.normal, config.resting
         )
@@ -64,11 +70,13 @@ def rest_parts(
     low_ones = swept[reached] if reached.any() else swept
     low, high = low_ones[:, 0, :2].min(axis=0), low_ones[:, 1, :2].max(axis=0)
     border = config.tray.work_margin * float((high - low).max())
-    borders = np.array([config.tray.gap * bodies[name].size for name in names])
-    sides = np.array([boxes[name][1, :2] - boxes[name][0, :2] for name in names]).reshape(-1, 2)
+    for box in placed:
+        low, high = np.minimum(low, box[0, :2]), np.maximum(high, box[1, :2])
+    borders = np.array([config.tray.gap * bodies[name].size for name in waiting])
+    sides = np.array([boxes[name][1, :2] - boxes[name][0, :2] for name in waiting]).reshape(-1, 2)
     middles = lay_out(sides + 2.0 * borders[:, None], low - border, high + border, config.tray)
-    poses = {}
-    for name, middle in zip(names, middles, strict=True):
+    poses = dict(given)
+    for name, middle in zip(waiting, middles, strict=True):
         box = boxes[name]
         shift = np.append(middle - (box[0, :2] + box[1, :2]) / 2.0, table.offset - box[0, 2])
         poses[name] = se3.make(rotations[name], R_table @ shift)

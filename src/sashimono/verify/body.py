@@ -39,7 +39,7 @@ class BallTree:
         return self.centers[self.first_child < 0]
 
 
-class Body:
+class SampledBody:
     """One closed surface; distances to it are exact, its sign from angle-weighted pseudonormals."""
 
     def __init__(

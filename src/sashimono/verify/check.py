@@ -13,7 +13,7 @@ from sashimono.io.plan_json import read_plan
 from sashimono.io.raw import ReadConfig
 from sashimono.io.read import read_assembly
 from sashimono.plan import AssemblyPlan, Step, Table
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.compound import Compound
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.grasp import Surroundings, contact_problems
@@ -37,7 +37,8 @@ def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
     config = config or VerifyConfig()
     problems, notes = plan_problems(plan, assembly, config)
     bodies = {
-        part.name: Body(part.name, part.vertices_part, part.faces, samples=config.samples) for part in assembly.parts
+        part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=config.samples)
+        for part in assembly.parts
     }
     flat = [name for name, body in bodies.items() if body.volume <= 0.0]
     problems += [f"{name!r} is not a closed, outward surface: it cannot be checked" for name in flat]
@@ -92,7 +93,7 @@ class _Site:
     """What all steps share."""
 
     assembly: Assembly
-    bodies: dict[str, Body]
+    bodies: dict[str, SampledBody]
     overlaps: AssembledOverlaps
     unsolved: frozenset[str]
     config: VerifyConfig
@@ -105,7 +106,7 @@ class _Site:
             placed += members(step)
         return out
 
-    def compound(self, step: Step) -> Body:
+    def compound(self, step: Step) -> SampledBody:
         """What moves in a step, in the frame of its part."""
         if not step.moving:
             return self.bodies[step.part]

@@ -8,16 +8,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from sashimono.geometry import se3
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 
 
-class Compound(Body):
+class Compound(SampledBody):
     """The members of a subassembly as one rigid body, in the frame of one of them.
 
     Vertices, extents, volume and centre of mass are those of all members; distances are to their union.
     """
 
-    def __init__(self, name: str, members: Sequence[tuple[Body, Float[np.ndarray, "4 4"]]], *, samples: int) -> None:
+    def __init__(
+        self, name: str, members: Sequence[tuple[SampledBody, Float[np.ndarray, "4 4"]]], *, samples: int
+    ) -> None:
         """Take in the members, each with its pose in the common frame."""
         starts = np.cumsum([0, *(len(body.vertices) for body, _ in members)])
         super().__init__(

@@ -12,15 +12,15 @@ from jaxtyping import Float
 
 from sashimono.geometry import se3
 from sashimono.plan import Contact, Motion
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.sweep import HalfSpace
 
-Around = Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]]
+Around = Mapping[str, tuple[SampledBody, Float[np.ndarray, "4 4"]]]
 
 
 def tip_problems(
-    contact: Contact, motion: Motion, body: Body, around: Around, table: HalfSpace | None, config: VerifyConfig
+    contact: Contact, motion: Motion, body: SampledBody, around: Around, table: HalfSpace | None, config: VerifyConfig
 ) -> list[str]:
     """Return what is wrong with a contact's fingertips between the two poses at which it begins and ends.
 

@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 
 from sashimono.geometry import se3
 from sashimono.plan import Contact, Motion, Step
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.fingertips import span_of, tip_problems
 from sashimono.verify.pairs import pair_tolerance
@@ -30,17 +30,17 @@ _PALM_LENGTHS = ("palm_width", "palm_depth", "palm_length")
 class Surroundings:
     """What stands around one step: placed parts, parts still resting, the table."""
 
-    bodies: Mapping[str, tuple[Body, Float[np.ndarray, "4 4"]]]
+    bodies: Mapping[str, tuple[SampledBody, Float[np.ndarray, "4 4"]]]
     table: HalfSpace | None
 
-    def fixed(self, names: Collection[str]) -> dict[str, tuple[Body, Float[np.ndarray, "4 4"]]]:
+    def fixed(self, names: Collection[str]) -> dict[str, tuple[SampledBody, Float[np.ndarray, "4 4"]]]:
         """Return the placed parts among them."""
         return {name: entry for name, entry in self.bodies.items() if name in names}
 
 
 def contact_problems(
     step: Step,
-    body: Body,
+    body: SampledBody,
     around: Surroundings,
     config: VerifyConfig,
 ) -> tuple[list[str], list[str]]:
@@ -69,7 +69,7 @@ def _handover_problems(step: Step) -> list[str]:
 
 
 def _one_contact(
-    step: Step, contact: Contact | None, body: Body, around: Surroundings, config: VerifyConfig
+    step: Step, contact: Contact | None, body: SampledBody, around: Surroundings, config: VerifyConfig
 ) -> tuple[list[str], list[str]]:
     assert contact is not None
     if problem := _form_problem(contact):
@@ -119,7 +119,7 @@ def _form_problem(contact: Contact) -> str | None:
     return None
 
 
-def _surface_problems(contact: Contact, body: Body, config: VerifyConfig) -> list[str]:
+def _surface_problems(contact: Contact, body: SampledBody, config: VerifyConfig) -> list[str]:
     kind, points, normals = contact.kind, contact.points_part, contact.normals_part
     off = np.abs(body.distance(points))
     if off.max() > config.contact_tolerance * body.size:
@@ -170,7 +170,7 @@ def _antipodal_problems(contact: Contact, config: VerifyConfig) -> list[str]:
     return []
 
 
-def force_closure(contact: Contact, body: Body, config: VerifyConfig) -> bool:
+def force_closure(contact: Contact, body: SampledBody, config: VerifyConfig) -> bool:
     """Return whether the contacts, as soft fingers, can balance any wrench.
 
     The wrenches on the rims of the linearised friction cones must span all six dimensions and be able to cancel
@@ -243,7 +243,9 @@ def _finger_problems(
     return []
 
 
-def _first_hit(boxes: list[Body], path: Screws, around: Surroundings, config: VerifyConfig) -> tuple[str, str] | None:
+def _first_hit(
+    boxes: list[SampledBody], path: Screws, around: Surroundings, config: VerifyConfig
+) -> tuple[str, str] | None:
     """Return the first box of the gripper that hits something along the path, and what it hits."""
     for box in boxes:
         if around.table is not None:
@@ -264,7 +266,7 @@ def _first_hit(boxes: list[Body], path: Screws, around: Surroundings, config: Ve
     return None
 
 
-def _gripper_boxes(gripper: Mapping[str, Any], opening: float, config: VerifyConfig) -> list[Body]:
+def _gripper_boxes(gripper: Mapping[str, Any], opening: float, config: VerifyConfig) -> list[SampledBody]:
     """The fingers, this far apart, and the palm."""
     half, y, length = 0.5 * opening, 0.5 * gripper["finger_width"], gripper["finger_length"]
     if _is_length(gripper.get("closing_advance")):
@@ -280,8 +282,8 @@ def _gripper_boxes(gripper: Mapping[str, Any], opening: float, config: VerifyCon
     return boxes
 
 
-def _box(name: str, low: list[float], high: list[float], config: VerifyConfig) -> Body:
+def _box(name: str, low: list[float], high: list[float], config: VerifyConfig) -> SampledBody:
     corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)])
     quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
     faces = np.array([[q[a], q[b], q[c]] for q in quads for a, b, c in ((0, 1, 2), (0, 2, 3))])
-    return Body(name, corners, faces, samples=config.samples // 4)
+    return SampledBody(name, corners, faces, samples=config.samples // 4)

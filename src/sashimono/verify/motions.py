@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import AssembledOverlaps
 from sashimono.verify.pairs import check_pair, pair_tolerance
@@ -22,7 +22,7 @@ class MotionCheck:
         self._assembly = assembly
         self._config = config or VerifyConfig()
         self._bodies = {
-            part.name: Body(part.name, part.vertices_part, part.faces, samples=self._config.samples)
+            part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=self._config.samples)
             for part in assembly.parts
         }
         self._overlaps = AssembledOverlaps(self._bodies, {part.name: part.T_world_part for part in assembly.parts})

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.geometry import se3
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 
 _ACCURACY = 0.004
 """To which the depth is found, over the smaller body's smallest extent: a fifth of what a plan may add."""
@@ -26,7 +26,7 @@ _BATCH = 256
 
 
 @dataclass(frozen=True, kw_only=True)
-class Overlap:
+class MeasuredOverlap:
     """The intersection of two bodies in one pose."""
 
     volume: float
@@ -38,15 +38,15 @@ class Overlap:
 
 
 def intersection(
-    moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "4 4"], *, most_points: int = _POINTS
-) -> Overlap:
+    moving: SampledBody, fixed: SampledBody, T_fixed_moving: Float[np.ndarray, "4 4"], *, most_points: int = _POINTS
+) -> MeasuredOverlap:
     """Return the intersection body's volume and how deep its surface lies in either of the two."""
     if moving.solid is None or fixed.solid is None:
-        return Overlap(volume=0.0, depth=0.0, exact=False)
+        return MeasuredOverlap(volume=0.0, depth=0.0, exact=False)
     common = moving.solid.transform(np.ascontiguousarray(T_fixed_moving[:3])) ^ fixed.solid
     volume = float(common.volume())
     if common.is_empty() or volume <= 0.0:
-        return Overlap(volume=0.0, depth=0.0, exact=True)
+        return MeasuredOverlap(volume=0.0, depth=0.0, exact=True)
     T_moving_fixed = se3.inverse(T_fixed_moving)
 
     def depth(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
@@ -58,7 +58,7 @@ def intersection(
     points = np.asarray(surface.vert_properties)[:, :3]
     triangles = np.asarray(surface.tri_verts).astype(np.int64)
     accuracy = _ACCURACY * min(moving.smallest_extent, fixed.smallest_extent)
-    return Overlap(volume=volume, depth=_greatest(depth, points, triangles, accuracy, most_points), exact=True)
+    return MeasuredOverlap(volume=volume, depth=_greatest(depth, points, triangles, accuracy, most_points), exact=True)
 
 
 def _greatest(
@@ -98,7 +98,7 @@ def _greatest(
     return found
 
 
-def sampled_depth(moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "4 4"]) -> float:
+def sampled_depth(moving: SampledBody, fixed: SampledBody, T_fixed_moving: Float[np.ndarray, "4 4"]) -> float:
     """Return how deep the deepest surface sample of one lies inside the other [m], both ways; 0 if none does."""
     depth = 0.0
     for points, target, T in (
@@ -116,7 +116,7 @@ def sampled_depth(moving: Body, fixed: Body, T_fixed_moving: Float[np.ndarray, "
 class AssembledOverlaps:
     """Depth at which pairs overlap in the assembled pose, measured when first asked for."""
 
-    bodies: dict[str, Body]
+    bodies: dict[str, SampledBody]
     poses: dict[str, Float[np.ndarray, "4 4"]]
     _known: dict[frozenset[str], float] = field(default_factory=dict)
 

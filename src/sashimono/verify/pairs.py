@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.geometry import se3
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import intersection, sampled_depth
 from sashimono.verify.sweep import HalfSpace, Screws, Sweep, sweep
@@ -31,7 +31,7 @@ class PairFinding:
     notes: tuple[str, ...] = ()
 
 
-def pair_tolerance(first: Body, second: Body, config: VerifyConfig) -> float:
+def pair_tolerance(first: SampledBody, second: SampledBody, config: VerifyConfig) -> float:
     """Return the depth beyond the assembled pose that a pair may reach [m].
 
     A share of the smaller part's smallest extent, but less than half a thin wall, lest a shell slip through another.
@@ -41,8 +41,8 @@ def pair_tolerance(first: Body, second: Body, config: VerifyConfig) -> float:
 
 
 def check_pair(
-    moving: Body,
-    fixed: Body,
+    moving: SampledBody,
+    fixed: SampledBody,
     path: Screws,
     T_world_fixed: Float[np.ndarray, "4 4"],
     *,
@@ -86,8 +86,8 @@ def check_pair(
 
 
 def _after_parting(
-    moving: Body,
-    fixed: Body,
+    moving: SampledBody,
+    fixed: SampledBody,
     path: Screws,
     T_world_fixed: Float[np.ndarray, "4 4"],
     tolerance: float,
@@ -114,7 +114,7 @@ def _after_parting(
     )
 
 
-def check_table(moving: Body, table: HalfSpace, path: Screws, *, config: VerifyConfig) -> PairFinding:
+def check_table(moving: SampledBody, table: HalfSpace, path: Screws, *, config: VerifyConfig) -> PairFinding:
     """Return how deep the moving body dips into the table along the path."""
     tolerance = config.relative_tolerance * moving.smallest_extent
     found = sweep(
@@ -149,7 +149,13 @@ def _problem(against: str, depth: float, at: float, allowed: float, tolerance: f
 
 
 def _both_ways(
-    moving: Body, fixed: Body, seen: Screws, back: Screws, limit: float, tolerance: float, config: VerifyConfig
+    moving: SampledBody,
+    fixed: SampledBody,
+    seen: Screws,
+    back: Screws,
+    limit: float,
+    tolerance: float,
+    config: VerifyConfig,
 ) -> Sweep:
     """Sweep the moving body's samples against the fixed one, then the fixed one's against the moving one."""
     options = {
@@ -173,7 +179,7 @@ def _both_ways(
 
 
 def _with_booleans(
-    moving: Body, fixed: Body, seen: Screws, found: Sweep, config: VerifyConfig
+    moving: SampledBody, fixed: SampledBody, seen: Screws, found: Sweep, config: VerifyConfig
 ) -> tuple[float, float, tuple[str, ...]]:
     """Return the deepest of the samples and of the intersection bodies at some of the times of contact."""
     ranks = np.linspace(0.0, len(found.near) - 1.0, config.boolean_poses).round().astype(int)
@@ -193,7 +199,7 @@ def _with_booleans(
     return depth, at, ()
 
 
-def _low_high(body: Body, T: Float[np.ndarray, "4 4"]) -> tuple[np.ndarray, np.ndarray]:
+def _low_high(body: SampledBody, T: Float[np.ndarray, "4 4"]) -> tuple[np.ndarray, np.ndarray]:
     corners = np.array(np.meshgrid(*np.stack([body.low, body.high], axis=1))).reshape(3, -1).T
     moved = se3.apply(T, corners)
     return moved.min(axis=0), moved.max(axis=0)

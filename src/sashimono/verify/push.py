@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from sashimono.geometry import se3
 from sashimono.plan import Contact, Motion
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.fingertips import Around
 from sashimono.verify.sweep import HalfSpace
@@ -20,7 +20,7 @@ _GRAVITY = 9.81
 
 
 def push_problems(
-    contact: Contact, motion: Motion, body: Body, fixed: Around, table: HalfSpace | None, config: VerifyConfig
+    contact: Contact, motion: Motion, body: SampledBody, fixed: Around, table: HalfSpace | None, config: VerifyConfig
 ) -> list[str]:
     """Return what is wrong with the balance of a push.
 
@@ -68,7 +68,7 @@ def _supports(stated: Mapping[str, Any]) -> tuple[list[str], np.ndarray, np.ndar
     return names, points, normals, forces
 
 
-def _direction(motion: Motion, body: Body, radius: float) -> Float[np.ndarray, "6"]:
+def _direction(motion: Motion, body: SampledBody, radius: float) -> Float[np.ndarray, "6"]:
     """Unit direction in which the part goes last, seen from its frame: (velocity of the centre of mass, radius times
     turning rate)."""
     poses = motion.T_world_part
@@ -85,7 +85,7 @@ def _touch_problems(
     points: np.ndarray,
     normals: np.ndarray,
     T_world_part: np.ndarray,
-    body: Body,
+    body: SampledBody,
     fixed: Around,
     config: VerifyConfig,
 ) -> list[str]:

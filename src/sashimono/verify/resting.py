@@ -8,12 +8,12 @@ from scipy.spatial import ConvexHull, QhullError
 
 from sashimono.geometry import se3
 from sashimono.plan import Table
-from sashimono.verify.body import Body
+from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 
 
 def resting_problems(
-    body: Body, T_world_part: Float[np.ndarray, "4 4"], table: Table, config: VerifyConfig
+    body: SampledBody, T_world_part: Float[np.ndarray, "4 4"], table: Table, config: VerifyConfig
 ) -> list[str]:
     """Return why the part does not rest: off the table, or its centre of mass beside what it stands on."""
     points = se3.apply(T_world_part, body.vertices)

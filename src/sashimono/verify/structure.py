@@ -169,6 +169,10 @@ def _path_problems(motion: Motion, moves: bool, config: VerifyConfig) -> list[st
     unknown = [segment.kind for segment in motion.segments if segment.kind not in ("transit", "insertion")]
     if unknown:
         return [f"segment kind {unknown[0]!r} is neither transit nor insertion"]
+    if (times := motion.times) is not None and (
+        times.shape != (len(poses),) or times[0] != 0.0 or not np.isfinite(times).all() or (np.diff(times) < 0.0).any()
+    ):
+        return ["times are not one for each pose, from 0 on and never back"]
     return [] if motion.segments[-1].kind == "insertion" else ["the last segment is no insertion"]
 
 

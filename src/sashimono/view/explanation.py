@@ -12,13 +12,13 @@ import numpy as np
 from sashimono.assembly import Assembly
 from sashimono.disassembly.explanation.explain import BlockedDirection, Blocker, Explanation
 from sashimono.disassembly.explanation.report import change_words, explanation_lines
+from sashimono.files import atomic_write
 from sashimono.geometry.features.directions import direction_name
 from sashimono.view.appearance import BASE_COLOR
 from sashimono.view.config import ViewConfig
-from sashimono.view.files import write_whole
 from sashimono.view.html import render_page
 from sashimono.view.playback import UP
-from sashimono.view.scene import Packer, Scene, pack_mesh, pose_rows
+from sashimono.view.scene import Packer, ViewerScene, pack_mesh, pose_rows
 from sashimono.view.shapes import make_shapes
 
 SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.js", "explain.js")
@@ -63,7 +63,7 @@ def _direction(found: Explanation, entry: BlockedDirection, assembly: Assembly, 
     }
 
 
-def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, config: ViewConfig) -> Scene:
+def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, config: ViewConfig) -> ViewerScene:
     """Return the explanations and the geometry, ready to be put into the page."""
     shapes = make_shapes(assembly.parts, config)
     packer = Packer()
@@ -97,7 +97,7 @@ def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, con
             for entry in found
         ],
     }
-    return Scene(json=json, geometry=packer.content())
+    return ViewerScene(json=json, geometry=packer.content())
 
 
 def write_explanation(
@@ -110,4 +110,6 @@ def write_explanation(
     """
     scene = make_explanation_scene(found, assembly, config or ViewConfig())
     page = render_page(scene, title=f"{scene.json['title']} · why a part is stuck", scripts=SCRIPTS)
-    return write_whole(path, page.encode("utf-8"))
+    with atomic_write(path) as scratch:
+        scratch.write_bytes(page.encode("utf-8"))
+    return Path(path)

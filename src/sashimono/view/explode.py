@@ -61,7 +61,7 @@ def explosion_offsets(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig
         box = _common([boxes[name] for name in step.members])
         direction = _withdrawal(step, box.mean(axis=0) - 0.5 * (lower + upper))
         if placed:
-            # a gap is kept along the way only: neighbours side by side in a pattern stay on one level
+            # parts keep a gap along the way only, so that neighbours side by side stay level
             along = gap * np.abs(direction)
             others = np.array(placed) + np.array([-along, along])
             shrunk = box + np.array([[1.0], [-1.0]]) * 0.01 * (box[1] - box[0])

@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly
+from sashimono.files import atomic_write
 from sashimono.plan import AssemblyPlan
 from sashimono.view.appearance import linear_rgb, part_colors
 from sashimono.view.config import ViewConfig
 from sashimono.view.display_mesh import DisplayMesh
-from sashimono.view.files import write_whole
 from sashimono.view.keyframes import Keyframes, make_keyframes, quaternion_xyzw, rotation_between
 from sashimono.view.playback import UP, played_steps
 from sashimono.view.shapes import make_shapes
@@ -168,4 +168,6 @@ def write_glb(plan: AssemblyPlan, assembly: Assembly, path: str | Path, *, confi
 
     Raises OSError if ``path`` cannot be written; an earlier file is then still whole.
     """
-    return write_whole(path, render_glb(plan, assembly, config=config))
+    with atomic_write(path) as scratch:
+        scratch.write_bytes(render_glb(plan, assembly, config=config))
+    return Path(path)

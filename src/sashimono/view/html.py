@@ -10,10 +10,10 @@ from importlib import resources
 from pathlib import Path
 
 from sashimono.assembly import Assembly
+from sashimono.files import atomic_write
 from sashimono.plan import AssemblyPlan
 from sashimono.view.config import ViewConfig
-from sashimono.view.files import write_whole
-from sashimono.view.scene import Scene, make_scene
+from sashimono.view.scene import ViewerScene, make_scene
 
 SCRIPTS = (
     "se3.js", "data.js", "timeline.js", "bodies.js", "contacts.js", "stage.js", "outline.js", "panel.js", "main.js",
@@ -37,7 +37,7 @@ def render_html(plan: AssemblyPlan, assembly: Assembly, *, config: ViewConfig | 
     return render_page(scene, title=f"{scene.json['title']} · assembly plan", scripts=SCRIPTS)
 
 
-def render_page(scene: Scene, *, title: str, scripts: Sequence[str]) -> str:
+def render_page(scene: ViewerScene, *, title: str, scripts: Sequence[str]) -> str:
     """Return one self-contained page that shows a scene with these scripts of the ``viewer`` folder."""
     own = "\n".join(_asset(name) for name in scripts)
     pieces = {
@@ -49,7 +49,7 @@ def render_page(scene: Scene, *, title: str, scripts: Sequence[str]) -> str:
         "THREE": _asset("three.bundle.min.js"),
         "VIEWER": own,
     }
-    # split, not replaced one after the other: a piece may contain another's mark
+    # split at the marks once: a piece may contain the mark of another
     chunks = _asset("page.html").split("%%")
     chunks[1::2] = [pieces[name] for name in chunks[1::2]]
     return "".join(chunks)
@@ -64,4 +64,6 @@ def write_html(plan: AssemblyPlan, assembly: Assembly, path: str | Path, *, conf
 
     Raises OSError if ``path`` cannot be written; an earlier file is then still whole.
     """
-    return write_whole(path, render_html(plan, assembly, config=config).encode("utf-8"))
+    with atomic_write(path) as scratch:
+        scratch.write_bytes(render_html(plan, assembly, config=config).encode("utf-8"))
+    return Path(path)

@@ -23,7 +23,7 @@ from sashimono.view.timeline import StepTiming, make_timeline
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class ViewerScene:
     """What the page shows."""
 
     json: Mapping[str, Any]
@@ -91,9 +91,18 @@ def _finite(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-def _contact(contact: Contact) -> dict[str, Any]:
+def _contact(contact: Contact, pose_times: Float[np.ndarray, "pose"]) -> dict[str, Any]:
+    """Describe a contact; ``pose_times`` are those of the motion's own poses."""
+    details, last = contact.details, len(pose_times) - 1
+    when = np.interp([details.get("from_pose", 0.0), details.get("to_pose", last)], np.arange(last + 1), pose_times)
+    supports = details.get("supports", {})
     return {
         "kind": contact.kind,
+        "from": float(when[0]),
+        "to": float(when[1]),
+        "tipRadius": _finite(details.get("fingertips", {}).get("radius")),
+        "force": None if contact.force_part is None else contact.force_part.tolist(),
+        "supports": {"points": supports.get("points_part", []), "forces": supports.get("forces_part", [])},
         "points": contact.points_part.tolist(),
         "normals": contact.normals_part.tolist(),
         "quality": _finite(contact.quality),
@@ -104,6 +113,7 @@ def _contact(contact: Contact) -> dict[str, Any]:
 def _step(played: PlayedStep, timing: StepTiming, assembly: Assembly) -> dict[str, Any]:
     step = played.step
     evidence = step.motion.evidence
+    own_times = timing.pose_times[-len(step.motion.T_world_part) :]
     return {
         "part": assembly.index(step.part),
         "moving": [assembly.index(name) for name in step.members],
@@ -116,7 +126,8 @@ def _step(played: PlayedStep, timing: StepTiming, assembly: Assembly) -> dict[st
         "poses": [pose_rows(T) for T in played.poses],
         "segments": [{"kind": s.kind, "start": s.start, "stop": s.stop} for s in played.segments],
         "declaredPitch": None if step.declared is None else _finite(step.declared.pitch),
-        "contact": None if step.contact is None else _contact(step.contact),
+        "contact": None if step.contact is None else _contact(step.contact, own_times),
+        "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
         "penetration": _finite(evidence.get("max_penetration")),
         "tolerance": _finite(evidence.get("tolerance")),
@@ -164,7 +175,7 @@ def _unsolved(plan: AssemblyPlan, assembly: Assembly) -> list[dict[str, Any]]:
     return rows
 
 
-def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Scene:
+def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> ViewerScene:
     """Return the plan and its geometry, ready to be put into the page."""
     shapes = make_shapes(assembly.parts, config)
     played = played_steps(plan, assembly, config)
@@ -186,4 +197,4 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Sc
         "unsolved": _unsolved(plan, assembly),
         "notes": notes,
     }
-    return Scene(json=json, geometry=packer.content())
+    return ViewerScene(json=json, geometry=packer.content())

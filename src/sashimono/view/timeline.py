@@ -76,7 +76,7 @@ def _move_seconds(played: PlayedStep, part: Part, speed: float, config: ViewConf
     total = float(seconds.sum())
     if total <= 0.0:
         return np.full(len(seconds), config.min_move_seconds / len(seconds))
-    # a pose given twice must not stop the clock: keyframe times have to increase
+    # keyframe times must increase, also where a pose is given twice
     seconds = np.maximum(seconds, 1e-4 * total)
     return seconds * max(1.0, config.min_move_seconds / float(seconds.sum()))
 

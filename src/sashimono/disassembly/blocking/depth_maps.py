@@ -78,7 +78,7 @@ def _block_over(low_a, high_b, window, tolerance, margin):  # pragma: no cover -
 
 
 @njit(cache=True, nogil=True)
-def classify(vertices, vertex_start, faces, face_start, resolution, sizes, allowances, options, out):
+def classify(vertices, vertex_start, faces, face_start, resolution, sizes, overlaps, options, out):
     # pragma: no cover - compiled
     """Sort all pairs of parts by coarse maps along +z of the given vertices.
 
@@ -107,8 +107,8 @@ def classify(vertices, vertex_start, faces, face_start, resolution, sizes, allow
             if a == b:
                 continue
             size = min(sizes[a], sizes[b])
-            tolerance = max(axial * size, allowances[a, b])
-            fine = max(lateral * size, 0.75 * allowances[a, b])
+            tolerance = max(axial * size, overlaps[a, b])
+            fine = max(lateral * size, 0.75 * overlaps[a, b])
             wide = min(box[a, 1], box[b, 1]) - max(box[a, 0], box[b, 0])
             tall = min(box[a, 3], box[b, 3]) - max(box[a, 2], box[b, 2])
             if wide < fine or tall < fine or box[b, 5] - box[a, 4] <= tolerance:
@@ -120,7 +120,7 @@ def classify(vertices, vertex_start, faces, face_start, resolution, sizes, allow
             window[3] = min(ny - 1, int((min(box[a, 3], box[b, 3]) - y0) / pixel) + 1)
             if min(wide, tall) >= 4.0 * pixel and not _any_over(low[a], high[b], window, tolerance):
                 out[a, b] = FREE
-            elif allowances[a, b] < pixel and _block_over(low[a], high[b], window, tolerance, margin):
+            elif overlaps[a, b] < pixel and _block_over(low[a], high[b], window, tolerance, margin):
                 out[a, b] = BLOCKED
             else:
                 out[a, b] = OPEN

@@ -17,7 +17,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.stage import straight_removal
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.removal import Removal
@@ -26,19 +25,19 @@ from sashimono.plan import MotionClass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Subassembly:
+class MovingGroup:
     """Parts that leave the remaining ones together, by one translation."""
 
     members: int
     """Mask of the parts."""
-    signed: int
+    direction_index: int
     """Direction in the blocking relation."""
     removal: Removal
     """The translation that takes all of them past the others."""
 
 
 class GroupStage:
-    """Subassemblies. A group frees no part by itself: `separate` finds nothing, whoever schedules asks for a group."""
+    """Subassemblies. A group frees no part by itself, so `separate` finds nothing; a sequence asks for a group."""
 
     name = "subassembly"
     motions = MotionClass.TRANSLATIONS
@@ -64,11 +63,11 @@ def find_subassembly(
     worth: Callable[[Float[np.ndarray, "3"]], float],
     connected: Callable[[int], bool],
     refused: frozenset[Refusal] = frozenset(),
-) -> Subassembly | None:
+) -> MovingGroup | None:
     """Return the best set of two or more parts that leaves the remaining ones as one body, or None.
 
-    Parts that hang together rather than not, then the fewest, then the direction worth most. Every pair
-    of a member and a part that stays is traced: a set is given only if all of them pass.
+    Parts that hang together are preferred, then the fewest parts, then the direction that is worth most. Every pair
+    of a member and a part that stays is traced. A set is returned only if all pairs pass.
 
     Args:
         blocking: The relation.
@@ -76,48 +75,57 @@ def find_subassembly(
         stays: A part that must not be among those that move.
         worth: Of a unit direction of removal.
         connected: Whether the parts of a mask hang together.
-        refused: Ways out that are not to be given.
+        refused: Ways out that must not be returned.
     """
-    missed: dict[int, dict[int, int]] = {signed: {} for signed in range(blocking.count_signed)}
-    """By signed direction and part: blockers that the maps miss and tracing found, here and now."""
-    found = {signed: _sinks(blocking, signed, remaining, missed[signed]) for signed in missed}
+    missed: dict[int, dict[int, int]] = {direction_index: {} for direction_index in range(blocking.count_directions)}
+    """By direction and part: blockers that the maps miss and tracing found, here and now."""
+    found = {
+        direction_index: _sinks(blocking, direction_index, remaining, missed[direction_index])
+        for direction_index in missed
+    }
     while True:
         candidates = [
-            (not connected(members), members.bit_count(), -round(worth(blocking.direction(signed)), 6), members, signed)
-            for signed, sinks in found.items()
+            (
+                not connected(members),
+                members.bit_count(),
+                -round(worth(blocking.direction(direction_index)), 6),
+                members,
+                direction_index,
+            )
+            for direction_index, sinks in found.items()
             for members in sinks
             if members.bit_count() > 1
             and not members >> stays & 1
-            and Refusal(members=members, signed=signed) not in refused
+            and Refusal(members=members, direction_index=direction_index) not in refused
         ]
         if not candidates:
             return None
-        *_, members, signed = min(candidates)
+        *_, members, direction_index = min(candidates)
         others = remaining & ~members
         stops = [
             (part, other)
             for part in bits(members)
             for other in bits(others)
-            if not blocking.passes(part, signed, other)
+            if not blocking.passes(part, direction_index, other)
         ]
         if not stops:
-            removal = straight_removal(blocking, members, others, blocking.direction(signed))
-            return Subassembly(members=members, signed=signed, removal=removal)
+            removal = blocking.parts.straight_removal(members, others, blocking.direction(direction_index))
+            return MovingGroup(members=members, direction_index=direction_index, removal=removal)
         for part, other in stops:
-            for moving, way, stop in ((part, signed, other), (other, signed ^ 1, part)):
+            for moving, way, stop in ((part, direction_index, other), (other, direction_index ^ 1, part)):
                 missed[way][moving] = missed[way].get(moving, 0) | 1 << stop
-        for changed in (signed, signed ^ 1):
+        for changed in (direction_index, direction_index ^ 1):
             found[changed] = _sinks(blocking, changed, remaining, missed[changed])
 
 
-def _sinks(blocking: Blocking, signed: int, remaining: int, missed: Mapping[int, int]) -> list[int]:
-    """The smallest sets that no remaining part outside of them blocks along a signed direction, as masks."""
+def _sinks(blocking: Blocking, direction_index: int, remaining: int, missed: Mapping[int, int]) -> list[int]:
+    """The smallest sets that no remaining part outside of them blocks along a direction, as masks."""
     parts = bits(remaining)
     place = {part: k for k, part in enumerate(parts)}
     arrows = [
         (place[part], place[other])
         for part in parts
-        for other in bits(blocking.blockers(part, signed, remaining & ~(1 << part)) | missed.get(part, 0))
+        for other in bits(blocking.blockers(part, direction_index, remaining & ~(1 << part)) | missed.get(part, 0))
     ]
     rows, columns = np.array(arrows, dtype=np.int64).reshape(-1, 2).T
     graph = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(parts), len(parts)))

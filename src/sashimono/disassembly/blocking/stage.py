@@ -8,15 +8,13 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
-from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
 from sashimono.plan import Answer, MotionClass
 
 
 class BlockingStage:
-    """Single translations. Nothing is remembered of it: the relation has every answer at hand."""
+    """Single translations. Nothing needs to be remembered: the relation has every answer."""
 
     name = "blocking"
     motions = MotionClass.TRANSLATIONS
@@ -44,17 +42,17 @@ class BlockingStage:
             part: The part.
             remaining: Mask of the parts that are there.
             preference: Of a unit direction; the highest is tried first.
-            refused: Ways out that are not to be given.
-            among: The signed directions that are asked for; all if None.
+            refused: Ways out that must not be returned.
+            among: The direction indices to ask about; all if None.
         """
         others = remaining & ~(1 << part)
-        table = self.blocking
-        asked = range(table.count_signed) if among is None else among
-        for signed in sorted(asked, key=lambda s: (-round(preference(table.direction(s)), 6), s)):
-            is_refused = Refusal(members=1 << part, signed=signed) in refused
-            if not is_refused and table.is_free(part, signed, others):
-                removal = straight_removal(table, 1 << part, others, table.direction(signed))
-                return Separation(answer=Answer.FREE, removal=removal, signed=signed, stage=self.name)
+        blocking = self.blocking
+        asked = range(blocking.count_directions) if among is None else among
+        for direction_index in sorted(asked, key=lambda s: (-round(preference(blocking.direction(s)), 6), s)):
+            is_refused = Refusal(members=1 << part, direction_index=direction_index) in refused
+            if not is_refused and blocking.is_free(part, direction_index, others):
+                removal = blocking.parts.straight_removal(1 << part, others, blocking.direction(direction_index))
+                return Separation(answer=Answer.FREE, removal=removal, direction_index=direction_index, stage=self.name)
         return None
 
     def can_recall(self, found: Separation) -> bool:
@@ -62,12 +60,3 @@ class BlockingStage:
 
     def still_fails(self, said: Separation, asked: int, others: int) -> bool:
         return False
-
-
-def straight_removal(blocking: Blocking, members: int, others: int, direction: Float[np.ndarray, "3"]) -> Removal:
-    """Return the translation along a direction that takes the common box of some parts past those of the others."""
-    moving = bits(members)
-    back = min(blocking.world_bounds_along(part, direction)[0] for part in moving)
-    front = max((blocking.world_bounds_along(part, direction)[1] for part in bits(others)), default=back)
-    clearance = 0.05 * min(blocking.sizes[part] for part in moving)
-    return Removal.straight(direction, max(front - back, 0.0) + clearance)

@@ -39,6 +39,22 @@ class RemovalConditions:
     reachable_only: bool = False
     """Whether they were only worked out for sets of parts that taking the whole apart can leave."""
 
+    def __repr__(self) -> str:
+        short = f", {len(self.cut_short)} may have more" if self.cut_short else ""
+        count = sum(map(len, self.clauses))
+        return f"RemovalConditions({len(self.names)} parts, {count} clauses{short})"
+
+    def blockers(self, part: str) -> tuple[frozenset[str], ...]:
+        """Return the sets of parts, by name, of which one must be gone; KeyError for a name that is not there.
+
+        An empty set means that the part can leave at once; no sets, that no motion was found.
+        """
+        if part not in self.names:
+            raise KeyError(part)
+        return tuple(
+            frozenset(self.names[k] for k in bits(clause.blockers)) for clause in self.clauses[self.names.index(part)]
+        )
+
     @cached_property
     def masks(self) -> tuple[tuple[int, ...], ...]:
         """By part, the blockers of each clause; for a part without any, all others: it can only stay as the last."""

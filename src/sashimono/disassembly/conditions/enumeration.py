@@ -15,20 +15,20 @@ from sashimono.disassembly.conditions.clauses import minimal
 
 
 @dataclass(frozen=True, kw_only=True)
-class Said:
-    """What is said of one set of obstacles."""
+class SetAnswer:
+    """What a stage says of one set of obstacles."""
 
     clause: int | None = None
-    """Where the part is free: the parts that must be gone for the motion found, none of them among the obstacles."""
+    """If the part is free: the parts that must be gone for the motion found. None of them is an obstacle."""
     core: int = 0
-    """Else: obstacles that hold it by themselves."""
+    """If it is not: obstacles that hold it by themselves."""
     is_proven: bool = True
     """Whether that is proven, or all that is known is that no motion was found."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Enumeration:
-    """What came of it."""
+    """All clauses that were found, and whether they are all there are."""
 
     clauses: tuple[int, ...]
     """Minimal masks, those known before included."""
@@ -42,7 +42,7 @@ class Enumeration:
 def enumerate_clauses(
     everything: int,
     known: Iterable[int],
-    ask: Callable[[int], Said],
+    ask: Callable[[int], SetAnswer],
     *,
     gone_with: Callable[[int], int | None] = lambda absent: absent,
     max_queries: int,

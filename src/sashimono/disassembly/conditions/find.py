@@ -2,17 +2,18 @@
 
 Single translations come first: the relation gives all of their clauses at once. Then the stage of translations is
 asked about the largest sets that neither a clause nor a proof decides (at most ``max_queries`` a part). A part that
-another one holds by itself, whatever else is gone, may turn its way out: all stages are asked about such a pair.
+another one holds by itself even when all else is gone may turn its way out. All stages are asked about such a pair.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol, runtime_checkable
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.stage import BlockingStage, straight_removal
+from sashimono.disassembly.blocking.stage import BlockingStage
 from sashimono.disassembly.conditions.clauses import Clause, RemovalConditions, minimal
-from sashimono.disassembly.conditions.enumeration import Said, enumerate_clauses
+from sashimono.disassembly.conditions.enumeration import SetAnswer, enumerate_clauses
 from sashimono.disassembly.conditions.systems import remainder
 from sashimono.disassembly.config import SeparateConfig
 from sashimono.disassembly.inquiry import Inquiry
@@ -22,12 +23,20 @@ from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation, Stage
 
 
+@runtime_checkable
+class FewerHolders(Protocol):
+    """As `TranslationStage.fewer_holders`."""
+
+    def __call__(self, part: int, holders: int, *, frees: Callable[[int], bool]) -> int: ...
+
+
 def find_conditions(
     names: tuple[str, ...],
     directions: BlockingStage,
     inquiry: Inquiry,
     *,
     translations: Stage,
+    fewer_holders: FewerHolders,
     physics: PhysicsStage,
     config: SeparateConfig,
     reachable_only: bool,
@@ -39,14 +48,15 @@ def find_conditions(
         directions: The stage of single translations.
         inquiry: What asks all stages.
         translations: The stage whose proofs decide sets of obstacles.
+        fewer_holders: Makes the sets that these proofs name smaller: a smaller one decides more sets.
         physics: The stage that says which parts a motion hits.
         config: Budgets.
         reachable_only: Ask only about sets that taking the whole apart can leave: orders and next parts are as exact,
             for a fraction of the work.
     """
-    search = _Search(directions.blocking, inquiry, translations, physics, config)
+    search = _Search(directions.blocking, inquiry, translations, fewer_holders, physics, config)
     parts = range(len(directions.blocking))
-    found = [single_clauses(directions.blocking, part) for part in parts]
+    found = [blocking_clauses(directions.blocking, part) for part in parts]
     while True:
         known = [frozenset(minimal(clauses)) for clauses in found]
         complete = [search.complete(part, found, reachable_only=reachable_only) for part in parts]
@@ -62,55 +72,68 @@ def find_conditions(
 
 
 class _Search:
-    """One run: what is asked, and the motions that took one part of a pair off the other."""
+    """One run: whom it asks, and the motions that took one part of a pair off the other."""
 
     def __init__(
         self,
         blocking: Blocking,
         inquiry: Inquiry,
         translations: Stage,
+        fewer_holders: FewerHolders,
         physics: PhysicsStage,
         config: SeparateConfig,
     ) -> None:
         self.blocking, self.inquiry, self.config = blocking, inquiry, config
-        self.translations, self.physics = translations, physics
-        self._turned: dict[tuple[int, int], Removal] = {}
+        self.translations, self.fewer_holders, self.physics = translations, fewer_holders, physics
+        self._relative_motions: dict[tuple[int, int], Removal] = {}
 
     def complete(self, part: int, found: list[dict[int, Clause]], *, reachable_only: bool) -> bool:
         """Add the clauses of the later stages to a part's; return whether these are all, provably, by translations."""
         clauses = found[part]
 
-        def ask(others: int) -> Said:
+        def frees(obstacles: int) -> bool:
+            return any(not clause & obstacles for clause in clauses)
+
+        def ask(others: int) -> SetAnswer:
             separation = self.inquiry.ask(self.translations, part, others | 1 << part)
             if separation.removal is not None:
                 _add(clauses, separation)
-                return Said(clause=separation.hits)
+                return SetAnswer(clause=separation.hits)
             core = sum(1 << k for k in separation.blocked_by)
-            return Said(core=core, is_proven=separation.proven_for is not None)
+            is_proven = separation.proven_for is not None
+            if is_proven:
+                core = self.fewer_holders(part, core, frees=frees)
+            elif frees(core):
+                core = others  # these alone do not hold it: all that is known is that no motion past all was found
+            return SetAnswer(core=core, is_proven=is_proven)
 
         config = self.config
-        everything = self.blocking.all_parts & ~(1 << part)
-        enumerated = enumerate_clauses(
-            everything,
-            clauses,
-            ask,
-            gone_with=_Reached(found, part).gone_with if reachable_only else lambda absent: absent,
-            max_queries=config.max_queries,
-            max_unproven=config.max_unproven,
-            max_undecided=config.max_undecided,
-        )
-        for core in enumerated.cores:
-            if core.bit_count() == 1:
-                self._turn_out(part, core, clauses)
-        return enumerated.is_complete
+        everything = self.blocking.parts.all_parts & ~(1 << part)
+        while True:
+            enumerated = enumerate_clauses(
+                everything,
+                clauses,
+                ask,
+                gone_with=_Reached(found, part).gone_with if reachable_only else lambda absent: absent,
+                max_queries=config.max_queries,
+                max_unproven=config.max_unproven,
+                max_undecided=config.max_undecided,
+            )
+            known = len(clauses)
+            for core in enumerated.cores:
+                if core.bit_count() == 1:
+                    self._separate_pair(part, core, clauses)
+            # a part that turns out may leave sets in which no translation, and no proof, was found
+            if enumerated.is_complete or len(clauses) == known:
+                return enumerated.is_complete
 
-    def _turn_out(self, part: int, holder: int, clauses: dict[int, Clause]) -> None:
+    def _separate_pair(self, part: int, holder: int, clauses: dict[int, Clause]) -> None:
         """Add the clauses by which a part turns off one that holds it: of both alone, then of all parts."""
         other = holder.bit_length() - 1
-        if (other, part) in self._turned:  # the two come apart by one relative motion, whichever moves
-            removal = self._turned[other, part].of_the_other()
+        if (other, part) in self._relative_motions:  # the two come apart by one relative motion, whichever moves
+            removal = self._relative_motions[other, part].of_the_other()
             self.inquiry.remember(part, self.physics.witness(part, holder, removal))
-        for remaining in (holder | 1 << part, self.blocking.all_parts):
+        for remaining in (holder | 1 << part, self.blocking.parts.all_parts):
             if any(not mask & remaining for mask in clauses):
                 return
             # single translations are in the clauses already
@@ -118,35 +141,35 @@ class _Search:
             if separation.removal is None:
                 return
             _add(clauses, separation)
-            self._turned.setdefault((part, other), separation.removal)
+            self._relative_motions.setdefault((part, other), separation.removal)
 
 
-def single_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
-    """Blocker masks over all signed directions, traced ones only, dominated ones dropped early."""
-    others = blocking.all_parts & ~(1 << part)
+def blocking_clauses(blocking: Blocking, part: int) -> dict[int, Clause]:
+    """Return the clauses of single translations, traced. Directions that need more parts gone are dropped early."""
+    others = blocking.parts.all_parts & ~(1 << part)
     kept: dict[int, int] = {}
-    masks = [blocking.masks(part, signed) for signed in range(blocking.count_signed)]
+    masks = [blocking.masks(part, direction_index) for direction_index in range(blocking.count_directions)]
     order = sorted(range(len(masks)), key=lambda s: (masks[s][0].bit_count() + masks[s][1].bit_count(), s))
-    for signed in order:
-        blocked, unclear = blocking.masks(part, signed)
+    for direction_index in order:
+        blocked, unclear = blocking.masks(part, direction_index)
         for other in bits(unclear):
             if any(mask & blocked == mask for mask in kept):
                 break
-            if blocking.is_blocked_by(part, signed, other):
+            if blocking.is_blocked_by(part, direction_index, other):
                 blocked |= 1 << other
         for other in bits(others & ~blocked):
             if any(mask & blocked == mask for mask in kept):
                 break
-            if not blocking.passes(part, signed, other):
+            if not blocking.passes(part, direction_index, other):
                 blocked |= 1 << other
         if any(mask & blocked == mask for mask in kept):
             continue
         kept = {mask: by for mask, by in kept.items() if blocked & mask != blocked}
-        kept[blocked] = signed
+        kept[blocked] = direction_index
     return {
         mask: Clause(
             blockers=mask,
-            removal=straight_removal(blocking, 1 << part, others & ~mask, blocking.direction(by)),
+            removal=blocking.parts.straight_removal(1 << part, others & ~mask, blocking.direction(by)),
             stage="blocking",
         )
         for mask, by in kept.items()

@@ -12,6 +12,7 @@ from sashimono.assembly import Overlap, frozen_array
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.conditions.clauses import minimal
 from sashimono.disassembly.explanation.obstruction import Obstruction, ObstructionConfig, find_obstruction
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.inquiry import Inquiry
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.removal import Removal
@@ -85,8 +86,8 @@ class Explanation:
     directions: tuple[BlockedDirection, ...]
     """Those with a smallest set of blockers, fewest first, then others; none where the answer is FREE."""
     removal_sets: tuple[tuple[str, ...], ...]
-    """Each a smallest set of parts that can be removed before it, after which it leaves by one translation;
-    fewest parts first."""
+    """Smallest sets of parts that can be removed before it, after which it leaves by one translation.
+    Fewest parts first."""
     overlaps: tuple[Overlap, ...]
     """Overlaps in the CAD between it and the parts reported as blockers."""
     easy_change: BlockedDirection | None
@@ -113,9 +114,9 @@ def explain_part(
         inquiry: Shares its budget among several explanations; one of its own if None.
     """
     config, inquiry = config or ExplainConfig(), inquiry or cascade.inquire()
-    assembly, table = cascade.assembly, cascade.blocking
+    assembly = cascade.assembly
     mover = assembly.index(part)
-    others = table.all_parts if fixed is None else sum(1 << assembly.index(name) for name in set(fixed))
+    others = cascade.parts.all_parts if fixed is None else sum(1 << assembly.index(name) for name in set(fixed))
     others &= ~(1 << mover)
     names = tuple(assembly.names[k] for k in bits(others))
     found = inquiry.separate(mover, others | 1 << mover)
@@ -127,7 +128,10 @@ def explain_part(
     masks = _blockers_by_direction(cascade, mover, others)
     sets = minimal(masks.values())
     telling = _telling_directions(cascade, masks, sets, config)
-    directions = [_blocked_direction(cascade, mover, signed, masks[signed], config) for signed in telling]
+    directions = [
+        _blocked_direction(cascade, mover, direction_index, masks[direction_index], config)
+        for direction_index in telling
+    ]
     met = {blocker.part for entry in directions for blocker in entry.blockers}
     easy = min(directions, key=lambda d: d.change, default=None)
     if easy is not None and not _is_small(cascade, mover, easy, config):
@@ -183,29 +187,32 @@ def _knots(apart: DisassemblyResult) -> Iterator[set[int]]:
 def _telling_directions(
     cascade: Cascade, masks: dict[int, int], sets: Sequence[int], config: ExplainConfig
 ) -> list[int]:
-    """The signed directions worth reporting."""
+    """The directions worth reporting."""
     direction = cascade.blocking.direction
     chosen: list[int] = []
-    for signed in sorted(masks, key=lambda s: (masks[s] not in sets, masks[s].bit_count(), s)):
-        mask = masks[signed]
-        if any(masks[c] == mask and direction(c) @ direction(signed) > config.alike for c in chosen):
+    for direction_index in sorted(masks, key=lambda s: (masks[s] not in sets, masks[s].bit_count(), s)):
+        mask = masks[direction_index]
+        if any(masks[c] == mask and direction(c) @ direction(direction_index) > config.alike for c in chosen):
             continue
-        chosen.append(signed)
+        chosen.append(direction_index)
     # one for each smallest set comes first: they are what can be acted on
     first = [next(c for c in chosen if masks[c] == mask) for mask in sets]
     return [*first, *(c for c in chosen if c not in first)][: config.directions]
 
 
 def _blockers_by_direction(cascade: Cascade, part: int, others: int) -> dict[int, int]:
-    """Blocker masks by signed direction; the last, costly look only where no other direction needs fewer."""
-    table = cascade.blocking
+    """Blocker masks by direction; the last, costly look only where no other direction needs fewer."""
+    blocking = cascade.blocking
     masks: dict[int, int] = {}
-    rough = {signed: table.blockers(part, signed, others) for signed in range(table.count_signed)}
-    for signed in sorted(rough, key=lambda s: (rough[s].bit_count(), s)):
-        mask = rough[signed]
+    rough = {
+        direction_index: blocking.blockers(part, direction_index, others)
+        for direction_index in range(blocking.count_directions)
+    }
+    for direction_index in sorted(rough, key=lambda s: (rough[s].bit_count(), s)):
+        mask = rough[direction_index]
         if not any(known & mask == known for known in masks.values()):
-            mask |= sum(1 << k for k in bits(others & ~mask) if not table.passes(part, signed, k))
-        masks[signed] = mask
+            mask |= sum(1 << k for k in bits(others & ~mask) if not blocking.passes(part, direction_index, k))
+        masks[direction_index] = mask
     return masks
 
 
@@ -232,25 +239,27 @@ def _leaving_before(cascade: Cascade, inquiry: Inquiry, part: int, others: int, 
     return others & ~remaining
 
 
-def _blocked_direction(cascade: Cascade, part: int, signed: int, mask: int, config: ExplainConfig) -> BlockedDirection:
-    table, parts = cascade.blocking, cascade.assembly.parts
-    direction = table.direction(signed)
+def _blocked_direction(
+    cascade: Cascade, part: int, direction_index: int, mask: int, config: ExplainConfig
+) -> BlockedDirection:
+    parts = cascade.parts
+    direction = cascade.blocking.direction(direction_index)
     blockers = []
     for other in bits(mask):
-        size = min(table.sizes[part], table.sizes[other])
+        size = parts.smaller_size(part, other)
         found = find_obstruction(
-            (parts[part].vertices_world, parts[part].faces),
-            (parts[other].vertices_world, parts[other].faces),
+            (parts.vertices[part], parts.faces[part]),
+            (parts.vertices[other], parts.faces[other]),
             direction,
-            slack=float(table.allowances[part, other]) + 1e-3 * float(size),
+            slack=float(parts.overlaps[part, other]) + 1e-3 * size,
             config=config.obstruction,
         )
-        travel = table.travel(part, np.zeros(3), direction, other) if found is None else found.travel
-        blockers.append(Blocker(part=parts[other].name, travel=float(travel), obstruction=found))
+        travel = free_travel(parts, part, np.zeros(3), direction, other) if found is None else found.travel
+        blockers.append(Blocker(part=cascade.assembly.names[other], travel=float(travel), obstruction=found))
     return BlockedDirection(direction=direction, blockers=tuple(sorted(blockers, key=lambda b: (b.travel, b.part))))
 
 
 def _is_small(cascade: Cascade, part: int, direction: BlockedDirection, config: ExplainConfig) -> bool:
-    sizes = cascade.blocking.sizes
+    sizes = cascade.parts.sizes
     smallest = min(sizes[part], *(sizes[cascade.assembly.index(b.part)] for b in direction.blockers))
     return direction.change <= config.small_change * float(smallest)

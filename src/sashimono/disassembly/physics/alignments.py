@@ -25,8 +25,8 @@ def alignments(
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     across = np.array([first, np.cross(axis, first)])
-    own = _angles(paths.blocking.part_lines[paths.part] @ D[:3, :3].T, axis, across)
-    theirs = [_angles(paths.blocking.part_lines[k], axis, across) for k in paths.near(D, twist=twist)]
+    own = _angles(paths.parts.part_lines[paths.part] @ D[:3, :3].T, axis, across)
+    theirs = [_angles(paths.parts.part_lines[k], axis, across) for k in paths.near(D, twist=twist)]
     if not theirs:
         return np.zeros(0)
     needed = (np.concatenate(theirs)[:, None] - own[None, :]) % np.pi

@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.physics.push import SimulateConfig, Simulated
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
 from sashimono.geometry.distance.screw import between
@@ -33,8 +33,6 @@ class BatchConfig:
 
     contact: SimulateConfig = field(default_factory=SimulateConfig)
     """Friction, gap, facing and rest, as in the simulation from event to event, which is the oracle of this one."""
-    tolerance: float = 0.0075
-    """Depth beyond the assembled overlap that the exact check allows."""
     stride: float = 0.05
     """Way of a part's far points in one step, unhindered."""
     slack: float = 0.002
@@ -66,29 +64,29 @@ class Push:
 class BatchSimulator:
     """Simulates pushes of one assembly's parts; the parts' surfaces are put on the device once."""
 
-    def __init__(self, blocking: Blocking, *, config: BatchConfig, device: str | None = None) -> None:
+    def __init__(self, parts: PlacedParts, *, config: BatchConfig, device: str | None = None) -> None:
         """Put the parts on a Warp device: ``"cuda:0"``, ``"cpu"``; the first GPU, else the processor, if None.
 
         SashimonoError if Warp is not installed or has no such device.
         """
         wp = self._wp = _warp()
         self.device = find_device(device)
-        self.blocking, self.config = blocking, config
+        self.parts, self.config = parts, config
         self._scale = 1.0 / float(
-            np.ptp(np.concatenate([part.bounds_world for part in blocking.assembly.parts]), axis=0).max()
+            np.ptp(np.concatenate([part.bounds_world for part in parts.assembly.parts]), axis=0).max()
         )
-        self._meshes = [self._mesh(body.vertices, body.faces) for body in blocking.bodies]
-        picks = [np.linspace(0, len(b.samples) - 1, config.samples).astype(int) for b in blocking.bodies]
-        samples = [b.samples[p] * self._scale for b, p in zip(blocking.bodies, picks, strict=True)]
-        normals = [b.sample_normals[p] for b, p in zip(blocking.bodies, picks, strict=True)]
+        self._meshes = [self._mesh(body.vertices, body.faces) for body in parts.bodies]
+        picks = [np.linspace(0, len(b.samples) - 1, config.samples).astype(int) for b in parts.bodies]
+        samples = [b.samples[p] * self._scale for b, p in zip(parts.bodies, picks, strict=True)]
+        normals = [b.sample_normals[p] for b, p in zip(parts.bodies, picks, strict=True)]
         self._samples = self._array(samples, wp.vec3)
         self._normals = self._array(normals, wp.vec3)
         self._ids = wp.array([mesh.id for mesh in self._meshes], dtype=wp.uint64, device=self.device)
-        self._assembled = self._transforms(blocking.poses)
-        self._centers = self._array([b.center * self._scale for b in blocking.bodies], wp.vec3)
-        self._radii = self._array([b.radius * self._scale for b in blocking.bodies], float)
-        self._sizes = self._array(blocking.sizes * self._scale, float)
-        self._allowances = self._array(blocking.allowances * self._scale, float)
+        self._assembled = self._transforms(parts.poses)
+        self._centers = self._array([b.center * self._scale for b in parts.bodies], wp.vec3)
+        self._radii = self._array([b.radius * self._scale for b in parts.bodies], float)
+        self._sizes = self._array(parts.sizes * self._scale, float)
+        self._overlaps = self._array(parts.overlaps * self._scale, float)
 
     def simulate(self, pushes: Sequence[Push]) -> list[Simulated]:
         """Return where each push leads: the checked part of its path, and the way out if it found one."""
@@ -103,14 +101,14 @@ class BatchSimulator:
         """The displacements that each push passes through, its start first; unchecked."""
         from sashimono.disassembly.physics.batch_kernels import advance, find_contacts
 
-        wp, config, table = self._wp, self.config, self.blocking
+        wp, config, parts = self._wp, self.config, self.parts
         count, widest = len(pushes), max((len(push.others) for push in pushes), default=0)
         others = np.full((count, max(1, widest)), -1, np.int32)
         low, high = np.zeros((count, 3)), np.zeros((count, 3))
         for k, push in enumerate(pushes):
             others[k, : len(push.others)] = push.others
-            boxes = np.array([table.assembly.parts[other].bounds_world for other in push.others]).reshape(-1, 2, 3)
-            center = table.bodies[push.part].center_world(push.displacement @ table.poses[push.part])
+            boxes = np.array([parts.assembly.parts[other].bounds_world for other in push.others]).reshape(-1, 2, 3)
+            center = parts.bodies[push.part].center_world(push.displacement @ parts.poses[push.part])
             low[k], high[k] = (boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)) if len(boxes) else (center, center)
         slots = config.samples * (others.shape[1] + 1)
         moving = self._array([push.part for push in pushes], int)
@@ -129,7 +127,7 @@ class BatchSimulator:
             wp.launch(
                 find_contacts, dim=(count, slots), device=self.device,
                 inputs=[moving, others_device, displacement, done, self._assembled, self._ids, self._centers,
-                        self._sizes, self._allowances, self._samples, self._normals, config.contact.gap,
+                        self._sizes, self._overlaps, self._samples, self._normals, config.contact.gap,
                         config.contact.slippage.facing],
                 outputs=[gaps, normals, arms],
             )  # fmt: skip
@@ -150,7 +148,7 @@ class BatchSimulator:
     def _checked(self, push: Push, poses: list[np.ndarray]) -> Simulated:
         """The path in as few geodesics as pass the exact check, up to where none does; and out, where a straight
         exit along the last motion is free."""
-        paths = Paths(self.blocking, push.part, push.others, tolerance=self.config.tolerance)
+        paths = Paths(self.parts, push.part, push.others, tolerance=self.parts.tolerances.turning)
         kept, at, reach = [poses[0]], 0, 1
         while at < len(poses) - 1:
             end = _exit(paths, kept[-1], poses[at + 1])
@@ -209,7 +207,7 @@ def _exit(
     shift = se3.apply(D_next, paths.center[None])[0] - se3.apply(D, paths.center[None])[0]
     turn = between(D, D_next)[3:] * paths.body.radius
     ways = [shift] if np.linalg.norm(shift) > np.linalg.norm(turn) else [turn, -turn]
-    lines = paths.blocking.directions
+    lines = paths.parts.lines
     for way in ways:
         length = float(np.linalg.norm(way))
         if length < 1e-6 * paths.size:

@@ -37,7 +37,7 @@ def find_contacts(
     meshes: wp.array(dtype=wp.uint64),
     centers: wp.array(dtype=wp.vec3),
     sizes: wp.array(dtype=float),
-    allowances: wp.array2d(dtype=float),
+    overlaps: wp.array2d(dtype=float),
     samples: wp.array2d(dtype=wp.vec3),
     sample_normals: wp.array2d(dtype=wp.vec3),
     gap: float,
@@ -62,11 +62,11 @@ def find_contacts(
         for k in range(others.shape[1]):
             b = others[attempt, k]
             if b >= 0:
-                near = gap * wp.min(sizes[a], sizes[b]) + allowances[a, b]
+                near = gap * wp.min(sizes[a], sizes[b]) + overlaps[a, b]
                 back = wp.transform_inverse(assembled[b])
                 distance, gradient = signed_distance(meshes[b], wp.transform_point(back, point), near)
                 gradient = wp.transform_vector(assembled[b], gradient)
-                clearance = distance + allowances[a, b]
+                clearance = distance + overlaps[a, b]
                 if distance < near and -wp.dot(gradient, normal) > facing and clearance < best:
                     best = clearance
                     gaps[attempt, slot] = clearance
@@ -76,14 +76,14 @@ def find_contacts(
         b = others[attempt, slot / count - 1]
         if b < 0:
             return
-        near = gap * wp.min(sizes[a], sizes[b]) + allowances[a, b]
+        near = gap * wp.min(sizes[a], sizes[b]) + overlaps[a, b]
         point = wp.transform_point(assembled[b], samples[b, slot % count])
         normal = wp.transform_vector(assembled[b], sample_normals[b, slot % count])
         back = wp.transform_inverse(pose)
         distance, gradient = signed_distance(meshes[a], wp.transform_point(back, point), near)
         gradient = wp.transform_vector(pose, gradient)
         if distance < near and -wp.dot(gradient, normal) > facing:
-            gaps[attempt, slot] = distance + allowances[a, b]
+            gaps[attempt, slot] = distance + overlaps[a, b]
             normals[attempt, slot] = -gradient
             arms[attempt, slot] = point - center
 

@@ -163,7 +163,7 @@ def _responses(
     answer = sliding_twist(contacts, push, friction=config.friction, **options)
     if np.linalg.norm(answer) < config.rest:
         return []
-    lines = paths.blocking.directions
+    lines = paths.parts.lines
     likely = []
     for snap in (config.slippage.snap, config.wide_snap):
         along = snapped(contacts.rows, answer, lines, config=replace(config.slippage, snap=snap))
@@ -197,7 +197,7 @@ def _farthest(
     best = (twists[0], 0.0, None)
     far = -1.0
     for twist in twists:
-        u, stopper = paths.halt(D, twist)
+        u, stopper = paths.advance_to_contact(D, twist)
         if stopper is None:
             return twist, u, None
         way = u * paths.rate(D, twist)

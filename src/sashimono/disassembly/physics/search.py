@@ -2,7 +2,7 @@
 
 Pushes are forces along the part's inertia axes and torques about them (as in Algorithm 1 of the paper), and the
 screws that its contacts leave free (slippage): those take it out of threads and bayonets. Each motion found has
-passed the exact check; that none was found is never a proof.
+passed the exact check. That none was found is never a proof.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.physics.push import SimulateConfig, simulate
 from sashimono.disassembly.physics.slippage import free_twists
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 
@@ -32,9 +32,6 @@ class PhysicsConfig:
     """Axes along which forces and torques act."""
     slippage_pushes: bool = True
     """Whether the screws that the contacts leave free are followed too."""
-    tolerance: float = 0.0075
-    """Depth beyond the assembled overlap that the check of a path allows, over the pair's scale (`Blocking.scale`);
-    half of what straight removals may: paths that use it up (out of the last turn of a thread) hit between probes."""
     max_pushes: int = 80
     """Pushes simulated for one part."""
     max_stretches: int = 24
@@ -59,9 +56,9 @@ class PhysicsResult:
     """Tracing steps taken."""
 
 
-def search_physics(blocking: Blocking, part: int, others: Sequence[int], *, config: PhysicsConfig) -> PhysicsResult:
+def search_physics(parts: PlacedParts, part: int, others: Sequence[int], *, config: PhysicsConfig) -> PhysicsResult:
     """Return a removal of the part past the others by simulated pushes from rest pose to rest pose."""
-    paths = Paths(blocking, part, others, tolerance=config.tolerance)
+    paths = Paths(parts, part, others, tolerance=parts.tolerances.turning)
     start = np.eye(4)[None]
     queue = deque([start])
     known = [np.eye(4)]

@@ -43,15 +43,15 @@ def find_contacts(paths: Paths, D: Float[np.ndarray, "4 4"], *, gap: float, faci
 
     ``gap`` is relative to the smaller part's smallest extent. What the pair overlaps assembled is no overlap here.
     """
-    table, a = paths.blocking, paths.body
+    parts, a = paths.parts, paths.body
     center = se3.apply(D, paths.center[None])[0]
     T_a = D @ paths.T_assembled
     normals, arms, gaps = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros(0)]
-    overlaps = table.allowances[paths.part, list(paths.others)]
+    overlaps = parts.overlaps[paths.part, list(paths.others)]
     for other in paths.near(D, margin=gap * paths.size + float(overlaps.max(initial=0.0))):
-        b, T_b = table.bodies[other], table.poses[other]
-        allowed = float(table.allowances[paths.part, other])
-        near = gap * min(paths.size, float(table.sizes[other])) + allowed
+        b, T_b = parts.bodies[other], parts.poses[other]
+        allowed = float(parts.overlaps[paths.part, other])
+        near = gap * min(paths.size, float(parts.sizes[other])) + allowed
         for first, second, T_first, T_second, sign in ((a, b, T_a, T_b, 1.0), (b, a, T_b, T_a, -1.0)):
             T = se3.inverse(T_second) @ T_first
             points = se3.apply(T, first.samples)
@@ -81,8 +81,8 @@ def free_twists(paths: Paths, D: Float[np.ndarray, "4 4"], *, config: SlippageCo
         if len(rows) < 6:
             continue
         for twist in _null_twists(rows, config.free):
-            for signed in (twist, -twist):
-                refined = snapped(rows, _refined(rows, signed, config), paths.blocking.directions, config=config)
+            for start in (twist, -twist):
+                refined = snapped(rows, _refined(rows, start, config), paths.parts.lines, config=config)
                 refined /= np.linalg.norm(refined)
                 if all(np.linalg.norm(refined - known) > 0.02 for known in found):
                     found.append(refined)

@@ -7,8 +7,8 @@ states are novel by the set that remains and the pose of the part under way.
 
 A state's pushes wait in rounds, each with one push of every part. An attempt is not simulated again while all parts
 that it touched remain: it would end the same way, to the bit. With several workers, attempts that wait are simulated
-before it is their turn; what came of them is taken in in the order of the queue all the same, or never, so workers
-change nothing but the time. On a device of NVIDIA Warp (`batch`), waiting attempts are stepped together by the hundred.
+ahead. Their outcomes are taken in the order of the queue, or never, so workers change nothing but the
+time. On a device of NVIDIA Warp (`batch`), waiting attempts are stepped together by the hundred.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from itertools import islice, zip_longest
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.physics.batch import BatchConfig, BatchSimulator, Push
 from sashimono.disassembly.physics.push import Simulated, simulate
 from sashimono.disassembly.physics.search import PhysicsConfig, pushes_at
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
@@ -54,8 +54,8 @@ class Algorithm1Config:
     workers: int = 1
     """Threads that simulate; changes the time only."""
     batch: int = 4
-    """Attempts for each of several workers that are simulated before it is their turn; changes the time only. A part
-    that leaves makes them vain, so never more than did not take a part out since the last one left."""
+    """Attempts simulated ahead for each of several workers; changes the time only. When a part leaves, attempts
+    simulated ahead are wasted; so no more are simulated ahead than have failed since the last part left."""
     device: str | None = None
     """Warp device on which pushes are stepped in time, many at once (``"cuda:0"``, ``"cpu"``); None: event by event."""
     stepped: BatchConfig = field(default_factory=BatchConfig)
@@ -85,7 +85,7 @@ class _Attempt:
 
     @property
     def key(self) -> _Key:
-        """What it does, whatever else remains."""
+        """What it does; it does not depend on what else remains."""
         return self.part, self.state.way[-1].tobytes(), self.push.tobytes()
 
 
@@ -104,7 +104,7 @@ class _Outcome:
 
 
 def plan_disassembly(
-    blocking: Blocking,
+    parts: PlacedParts,
     *,
     config: Algorithm1Config,
     is_executable: IsExecutable = lambda part, others, removal: True,
@@ -115,14 +115,13 @@ def plan_disassembly(
 
     Parts in ``refused`` are not pushed.
     """
-    search = _Search(blocking, config, is_executable, refused)
-    for body in blocking.bodies:  # worked out here, not by several threads at once
-        assert body.signed_distance is not None
-        assert len(body.hull_points)
+    search = _Search(parts, config, is_executable, refused)
+    for body in parts.bodies:  # cached properties: worked out here, not by several threads at once
+        _ = body.signed_distance, body.hull_points
     with ThreadPoolExecutor(config.workers) if config.workers > 1 else nullcontext() as pool:
         best = search.run(pool, progress)
     left = bits(best.remaining)
-    base = left[int(np.argmax([blocking.bodies[k].mass_properties.volume for k in left]))]
+    base = left[int(np.argmax([parts.bodies[k].mass_properties.volume for k in left]))]
     reason = search.spent or f"Algorithm 1 has no push left that leads to a new state, after {search.attempts}"
     return DisassemblyResult(
         base=base,
@@ -146,9 +145,9 @@ class _Search:
     """The queue and what was seen."""
 
     def __init__(
-        self, blocking: Blocking, config: Algorithm1Config, is_executable: IsExecutable, refused: frozenset[int]
+        self, parts: PlacedParts, config: Algorithm1Config, is_executable: IsExecutable, refused: frozenset[int]
     ) -> None:
-        self.blocking, self.config = blocking, config
+        self.parts, self.config = parts, config
         self.is_executable, self.refused = is_executable, refused
         self.attempts = self.traced = 0
         self.in_row = 0
@@ -161,7 +160,7 @@ class _Search:
         self._ahead: dict[_Key, Future[_Outcome]] = {}
         self._met: dict[int, set[int]] = {}
         self._stepper = (
-            None if config.device is None else BatchSimulator(blocking, config=config.stepped, device=config.device)
+            None if config.device is None else BatchSimulator(parts, config=config.stepped, device=config.device)
         )
 
     @property
@@ -181,7 +180,7 @@ class _Search:
 
     def run(self, pool: Executor | None, progress: Callable[[int], None]) -> _State:
         """Return the state with the fewest parts that was reached."""
-        best = _State(remaining=self.blocking.all_parts, removals=())
+        best = _State(remaining=self.parts.all_parts, removals=())
         self._sets.add(best.remaining)
         self.enqueue(best)
         while self.queue and best.remaining.bit_count() > 1 and not self.spent:
@@ -254,7 +253,7 @@ class _Search:
 
     def paths(self, state: _State, part: int) -> Paths:
         others = bits(state.remaining & ~(1 << part))
-        return Paths(self.blocking, part, others, tolerance=self.config.physics.tolerance)
+        return Paths(self.parts, part, others, tolerance=self.parts.tolerances.turning)
 
     def take_in(self, attempt: _Attempt, outcome: Simulated) -> _State | None:
         """Enqueue the state that an attempt led to if it is novel and executable; return it if a part left."""

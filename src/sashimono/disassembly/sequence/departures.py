@@ -25,12 +25,12 @@ class Departure:
     @property
     def refusal(self) -> Refusal:
         """What is to be refused if this departure does not hold."""
-        return Refusal(members=self.members, signed=self.separation.signed)
+        return Refusal(members=self.members, direction_index=self.separation.direction_index)
 
     @property
     def path_refusal(self) -> Refusal:
         """What is to be refused if its path does not hold: of a declared thread the turn, but not the straight pull."""
-        is_turned = self.separation.declared is not None and self.separation.signed is not None
+        is_turned = self.separation.declared is not None and self.separation.direction_index is not None
         return replace(self.refusal, only_turned=is_turned)
 
 

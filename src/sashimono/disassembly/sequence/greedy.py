@@ -1,8 +1,8 @@
 """A disassembly sequence: which part leaves when, and which one stays as the base.
 
-Removal is monotone (fewer parts never block more), so no removal is ever undone: as long as some
-part can leave, taking it is right. What is left to choose is taste: small parts first, upwards,
-in runs of the same direction, and so that what remains hangs together. Where no part leaves alone,
+Removal is monotone (fewer parts never block more), so no removal is ever undone. As long as some
+part can leave, taking it is right. The rest is a matter of taste: small parts first, upwards,
+in runs of the same direction, and so that the remaining parts hang together. Where no part leaves alone,
 a subassembly leaves as one body, and is taken apart by itself: the result is a tree.
 """
 
@@ -21,7 +21,7 @@ from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
-from sashimono.disassembly.sequence.reasons import VerdictConfig, worded
+from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
 from sashimono.plan import Answer
 
 
@@ -64,7 +64,7 @@ def find_disassembly(
         progress: Called with the number of parts that have left so far.
     """
     chooser = _Chooser(cascade, config, refused, proposed)
-    return _disassemble(chooser, cascade.blocking.all_parts if start is None else start, progress)
+    return _disassemble(chooser, cascade.parts.all_parts if start is None else start, progress)
 
 
 def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None]) -> DisassemblyResult:
@@ -85,9 +85,9 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
     if not remaining & (remaining - 1):
         protected, said = bits(remaining)[0], {}
     stuck = [(part, known) for part, known in said.items() if part != protected]
-    table, config = chooser.cascade.blocking, chooser.config.verdict
+    parts, config = chooser.cascade.parts, chooser.config.verdict
     return DisassemblyResult(
-        base=protected, removals=tuple(removals), stuck=worded(table, remaining, stuck, config=config)
+        base=protected, removals=tuple(removals), stuck=add_reasons(parts, remaining, stuck, config=config)
     )
 
 
@@ -95,7 +95,7 @@ REFUSED = Separation(
     answer=Answer.UNKNOWN,
     reason="the ways out that were found were refused later: no motion there, or refuted by the check",
 )
-"""What is said of a part of which later levels refused what the later stages found."""
+"""What is known of a part whose motions, found by the later stages, a later level refused."""
 
 
 class _Chooser:
@@ -108,13 +108,13 @@ class _Chooser:
         self.inquiry = cascade.inquire()
         self.later_stages = tuple(stage for stage in cascade.stages if stage is not cascade.directions)
         """Those that are asked about one part after another; single translations are ranked over all parts."""
-        table = cascade.blocking
-        self.volumes = np.array([body.mass_properties.volume for body in table.bodies])
-        boxes = np.array([np.ptp(part.bounds_world, axis=0) for part in cascade.assembly.parts])
+        parts = cascade.parts
+        self.volumes = np.array([body.mass_properties.volume for body in parts.bodies])
+        boxes = np.ptp(parts.boxes, axis=1)
         self.bulk = np.prod(boxes + 1e-9 * boxes.max(), axis=1) + self.volumes
         rank = np.argsort(np.argsort(self.bulk, kind="stable"), kind="stable")
         self.smallness = 1.0 - rank / max(1, len(rank) - 1)
-        self.neighbours = [cascade.touching(part) for part in range(len(table))]
+        self.neighbours = [cascade.touching(part) for part in range(len(parts))]
         self.up = np.array(config.up)
 
     def base_among(self, remaining: int) -> int:
@@ -146,7 +146,7 @@ class _Chooser:
 
         return worth
 
-    def single_free(self, part: int, remaining: int) -> bool:
+    def leaves_by_one_translation(self, part: int, remaining: int) -> bool:
         worth = self.preference(None)
         return self.cascade.directions.along(part, remaining, preference=worth, refused=self.refused) is not None
 
@@ -158,8 +158,10 @@ class _Chooser:
         All parts are asked about by one stage before any is by the next, which costs more.
         """
         said: dict[int, Separation] = {}
-        choice = self.next_proposed(remaining, protected, last) or self.next_single(remaining, protected, last)
-        if choice is None and self.single_free(protected, remaining):
+        choice = self.next_proposed(remaining, protected, last) or self.next_by_one_translation(
+            remaining, protected, last
+        )
+        if choice is None and self.leaves_by_one_translation(protected, remaining):
             # the base itself can go: keep another one instead, the best of those that are left
             return self.next(remaining, self.base_among(remaining & ~(1 << protected)), last)
         for stage in self.later_stages:
@@ -168,7 +170,7 @@ class _Chooser:
             if stage is self.cascade.groups:
                 choice = self.next_subassembly(remaining, protected)
             else:
-                choice = self.next_further(stage, remaining, protected, said)
+                choice = self.next_by_stage(stage, remaining, protected, said)
         return choice, protected, said
 
     def next_proposed(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
@@ -187,43 +189,45 @@ class _Chooser:
 
     def _is_refused(self, part: int) -> bool:
         """Whether what the later stages found for a part was refused."""
-        return Refusal(members=1 << part, signed=None) in self.refused
+        return Refusal(members=1 << part, direction_index=None) in self.refused
 
-    def next_single(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
+    def next_by_one_translation(
+        self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None
+    ) -> Departure | None:
         """The best part and direction of those that one translation frees, by what tracing says of them.
 
-        Who can leave without ploughing through what he overlaps goes first, and that way. Candidates that the maps
-        leave are traced the best first, so that only those better than the answer are traced in vain.
+        Parts that leave without ploughing through what they overlap go first, and in such a direction. Candidates that
+        the maps leave open are traced, the best first, until one passes.
         """
-        table, worth = self.cascade.blocking, self.preference(last)
-        worths = [worth(table.direction(signed)) for signed in range(table.count_signed)]
+        blocking, worth = self.cascade.blocking, self.preference(last)
+        worths = [worth(blocking.direction(direction_index)) for direction_index in range(blocking.count_directions)]
         ranked = []
         for part in bits(remaining & ~(1 << protected)):
             others = remaining & ~(1 << part)
-            open_ways = [s for s in range(table.count_signed) if not table.masks(part, s)[0] & others]
+            open_ways = [s for s in range(blocking.count_directions) if not blocking.masks(part, s)[0] & others]
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
-            for ploughs, signed in self._by_ploughing(part, others, open_ways):
-                ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in signed]
-        for _, _, part, signed in sorted(ranked):
+            for ploughs, direction_index in self._by_ploughing(part, others, open_ways):
+                ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in direction_index]
+        for _, _, part, direction_index in sorted(ranked):
             separation = self.cascade.directions.along(
-                part, remaining, preference=worth, refused=self.refused, among=(signed,)
+                part, remaining, preference=worth, refused=self.refused, among=(direction_index,)
             )
             if separation is not None:
-                turn = Refusal(members=1 << part, signed=signed, only_turned=True)
+                turn = Refusal(members=1 << part, direction_index=direction_index, only_turned=True)
                 if turn not in self.refused:
-                    separation = self.cascade.turned(part, remaining, separation)
+                    separation = self.cascade.with_declared_thread(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
 
     def _by_ploughing(self, part: int, others: int, open_ways: list[int]) -> Iterator[tuple[bool, list[int]]]:
         """Yield the open directions that do not plough through what the part overlaps, then those that do."""
-        table, shared = self.cascade.blocking, self.cascade.shared
+        blocking, shared = self.cascade.blocking, self.cascade.shared
         overlapped = shared.overlapping(part, bits(others))
-        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, table.direction(s)) for s in open_ways}
+        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, blocking.direction(s)) for s in open_ways}
         for ploughs in (False, True):
             yield ploughs, [s for s in open_ways if through[s] == ploughs]
 
-    def next_further(
+    def next_by_stage(
         self, stage: Stage, remaining: int, protected: int, said: dict[int, Separation]
     ) -> Departure | None:
         """A part that a later stage frees, the protected one last; else None, and ``said`` knows more of every part."""
@@ -242,9 +246,9 @@ class _Chooser:
 
     def next_subassembly(self, remaining: int, protected: int) -> Departure | None:
         """The best set of parts that leaves as one body, with how it comes apart by itself."""
-        table = self.cascade.blocking
+        blocking = self.cascade.blocking
         found = find_subassembly(
-            table,
+            blocking,
             remaining,
             stays=protected,
             worth=self.preference(None),
@@ -254,5 +258,7 @@ class _Chooser:
         if found is None:
             return None
         inside = _disassemble(self, found.members, lambda removed: None)
-        separation = Separation(answer=Answer.FREE, removal=found.removal, signed=found.signed, stage="subassembly")
+        separation = Separation(
+            answer=Answer.FREE, removal=found.removal, direction_index=found.direction_index, stage="subassembly"
+        )
         return Departure(part=inside.base, members=found.members, separation=separation, inside=inside)

@@ -1,7 +1,7 @@
-"""What is said in the end of parts that could not leave: what was tried, and, measured, what is in the way.
+"""Why parts could not leave, in words: what was tried, and what is in the way, as measured.
 
-Parts that hold one another get one reason together: of a ball bearing nothing leaves alone, and to say so of
-every ball helps nobody.
+Parts that hold one another get one reason together. No part of a ball bearing leaves alone, and it helps nobody to
+say so of every ball.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.separation import Separation
 from sashimono.geometry.features.directions import direction_name
 from sashimono.geometry.mesh import topology
@@ -25,10 +26,8 @@ class VerdictConfig:
 
     accuracy: float = 0.02
     """To which the depth is found, over itself."""
-    tolerance: float = 0.02
-    """Depth beyond the assembled overlap that a plan may have, over the pair's scale (`Blocking.scale`)."""
     most: float = 1.0
-    """Depth over the smaller part's smallest extent from which on nothing is said of it: no fit, but a wall."""
+    """Depth, over the smaller part's smallest extent, that counts as a wall and no fit: from there on none is named."""
     interlocked: int = 4
     """From so many parts on that hold one another, all share one reason."""
     named: int = 3
@@ -36,7 +35,7 @@ class VerdictConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Give:
+class Interference:
     """The least that must give way for a part to leave along a straight line."""
 
     direction: Float[np.ndarray, "3"]
@@ -49,21 +48,23 @@ class Give:
     """The part into which it goes deepest."""
 
 
-def least_give(blocking: Blocking, part: int, others: Sequence[int], *, config: VerdictConfig) -> Give | None:
+def least_interference(
+    parts: PlacedParts, part: int, others: Sequence[int], *, config: VerdictConfig
+) -> Interference | None:
     """Return the straight line, of the part's own and the world's, along which least is in the way of a part.
 
     None if every one is blocked by as much as a part is thick: then there is no fit to speak of.
     """
-    best: Give | None = None
-    lines = [*blocking.part_lines[part], *np.eye(3)]
+    best: Interference | None = None
+    lines = [*parts.part_lines[part], *np.eye(3)]
     for direction in [sign * line for line in lines for sign in (1.0, -1.0)]:
-        found = _along(blocking, part, others, direction, np.inf if best is None else best.depth, config)
+        found = _along(parts, part, others, direction, np.inf if best is None else best.depth, config)
         best = found or best
     return best
 
 
-def worded(
-    blocking: Blocking,
+def add_reasons(
+    parts: PlacedParts,
     remaining: int,
     said: Sequence[tuple[int, Separation]],
     *,
@@ -82,12 +83,12 @@ def worded(
         if len(members) < config.interlocked:
             for part in stuck:
                 others = [other for other in bits(remaining) if other != part]
-                words = _measured(blocking, part, others, least_give(blocking, part, others, config=config))
+                words = _measured(parts, part, others, least_interference(parts, part, others, config=config))
                 out[part] = replace(answers[part], reason=f"{answers[part].reason}{words}")
             continue
-        together = _together(blocking, members, config)
+        together = _together(parts, members, config)
         others = [other for other in bits(remaining) if other != stuck[0]]
-        words = _measured(blocking, stuck[0], others, least_give(blocking, stuck[0], others, config=config))
+        words = _measured(parts, stuck[0], others, least_interference(parts, stuck[0], others, config=config))
         for part in stuck:
             motions = answers[part].proven_for
             sure = f"not proven: {answers[part].reason}" if motions is None else f"proven for {motions}"
@@ -96,22 +97,22 @@ def worded(
 
 
 def _along(
-    blocking: Blocking,
+    parts: PlacedParts,
     part: int,
     others: Sequence[int],
     direction: Float[np.ndarray, "3"],
     most: float,
     config: VerdictConfig,
-) -> Give | None:
+) -> Interference | None:
     """What must give way along a direction, if it is less than ``most``."""
     depth, deepest = 0.0, None
-    for _, other in blocking.met(part, np.zeros(3), direction, others):
-        size = float(min(blocking.sizes[part], blocking.sizes[other]))
+    for _, other in parts.parts_ahead(part, np.zeros(3), direction, others):
+        size = parts.smaller_size(part, other)
 
         def passes(limit: float, other: int = other) -> bool:
-            return bool(np.isinf(blocking.travel(part, np.zeros(3), direction, other, tolerance=limit)))
+            return bool(np.isinf(free_travel(parts, part, np.zeros(3), direction, other, tolerance=limit)))
 
-        bare = blocking.config.tolerance * blocking.scale(part, other)
+        bare = parts.tolerances.translation * parts.scale(part, other)
         if passes(max(depth, bare)):
             continue
         low, high = max(depth, bare), min(most, config.most * size)
@@ -123,29 +124,32 @@ def _along(
         depth, deepest = high, other
     if deepest is None:
         return None
-    tolerance = config.tolerance * blocking.scale(part, deepest)
-    return Give(direction=direction, depth=depth, tolerance=tolerance, other=deepest)
+    tolerance = parts.tolerances.plan * parts.scale(part, deepest)
+    return Interference(direction=direction, depth=depth, tolerance=tolerance, other=deepest)
 
 
-def _measured(blocking: Blocking, part: int, others: Sequence[int], give: Give | None) -> str:
-    names = blocking.assembly.names
+def _measured(parts: PlacedParts, part: int, others: Sequence[int], interference: Interference | None) -> str:
+    names = parts.assembly.names
     words = ""
-    if give is not None:
-        overlap = float(blocking.allowances[part, give.other])
-        beyond = f" beyond the {_mm(overlap)} that they overlap as assembled" if overlap > give.tolerance else ""
+    if interference is not None:
+        overlap = float(parts.overlaps[part, interference.other])
+        beyond = (
+            f" beyond the {_mm(overlap)} that they overlap as assembled" if overlap > interference.tolerance else ""
+        )
         words += (
-            f"; straight out, {names[part]} goes at least {_mm(give.depth)} deep into {names[give.other]}{beyond}"
-            f" ({direction_name(give.direction)}; {_mm(give.tolerance)} is tolerated)"
+            f"; straight out, {names[part]} goes at least {_mm(interference.depth)} deep into"
+            f" {names[interference.other]}{beyond}"
+            f" ({direction_name(interference.direction)}; {_mm(interference.tolerance)} is tolerated)"
         )
     for one in (part, *others):
-        count = _count_solids(blocking, one)
-        if count > 1 and (one == part or (give is not None and one == give.other) or len(others) == 1):
+        count = _count_solids(parts, one)
+        if count > 1 and (one == part or (interference is not None and one == interference.other) or len(others) == 1):
             words += f"; {names[one]} is {count} separate solids that move as one: plan again with --split all"
     return words
 
 
-def _count_solids(blocking: Blocking, part: int) -> int:
-    vertices, faces = blocking.vertices(part), blocking.faces(part)
+def _count_solids(parts: PlacedParts, part: int) -> int:
+    vertices, faces = parts.vertices[part], parts.faces[part]
     return len(topology.split_solids(vertices, faces)) if topology.shells(faces).max() > 0 else 1
 
 
@@ -153,8 +157,8 @@ def _mm(length: float) -> str:
     return f"{length * 1e3:.3g} mm"
 
 
-def _together(blocking: Blocking, members: Sequence[int], config: VerdictConfig) -> str:
-    names = [blocking.assembly.names[part] for part in members]
+def _together(parts: PlacedParts, members: Sequence[int], config: VerdictConfig) -> str:
+    names = [parts.assembly.names[part] for part in members]
     rest = len(names) - config.named
     return f"one of {len(names)} parts that hold one another: {', '.join(names[: config.named])} and {rest} more"
 

@@ -2,7 +2,7 @@
 
 The CAD shows a cylinder in a narrower hole. Which thread it stands for is not drawn, so it is declared: right-hand,
 of the standard coarse pitch (ISO 261) of the cylinder's diameter. The motion is flagged as declared wherever it is
-told, and is taken only if the exact check of paths passes it; else the straight pull stays.
+told. It is taken only if the exact check of paths passes it. Otherwise the part is pulled straight.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.parting import parting_travel
-from sashimono.disassembly.blocking.shared import SharedBodies
+from sashimono.disassembly.free_travel import parting_travel
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import DeclaredThread
+from sashimono.disassembly.shared_bodies import SharedBodies
 from sashimono.disassembly.threads.surface import Threads
 from sashimono.geometry import se3
 from sashimono.geometry.features.tube import Tube
@@ -47,8 +47,6 @@ class DeclareConfig:
     """Turn of one stretch of the path [rad]."""
     max_turns: float = 24.0
     """Longer threads are pulled straight."""
-    tolerance: float = 0.015
-    """Depth beyond the assembled overlap that the check of a path allows, over the smaller part's smallest extent."""
 
     def pitch(self, diameter: float) -> float:
         """Return the pitch for a diameter [both in m]."""
@@ -72,7 +70,7 @@ def declared_removal(
     None if it shares no thin coaxial tube about its way out, if its surface has a thread of its own, or if anything
     is in the way of the turn: then the straight removal stays.
     """
-    table, axis = shared.blocking, straight.exit_direction
+    parts, axis = shared.parts, straight.exit_direction
     found = _tubes(shared, threads, part, others, axis, config)
     if found is None:
         return None
@@ -84,7 +82,7 @@ def declared_removal(
     count = int(np.ceil(angle / config.leg))
     twist = np.concatenate([travel * axis - np.cross(angle * axis, tube.point), angle * axis])
     turned = np.array([se3.exp(k / count * twist) for k in range(count + 1)])
-    paths = Paths(table, part, others, tolerance=config.tolerance)
+    paths = Paths(parts, part, others, tolerance=parts.tolerances.declared)
     if not paths.check(turned):
         return None
     end = paths.exit(turned[-1], axis)
@@ -104,7 +102,7 @@ def _tubes(
     config: DeclareConfig,
 ) -> tuple[int, Tube, float] | None:
     """The other part whose tube is left last, that tube, and the travel until then; None if tubes are not coaxial."""
-    table = shared.blocking
+    parts = shared.parts
     best: tuple[int, Tube, float] | None = None
     for other in shared.overlapping(part, others):
         tube = shared.tube(part, other, axis)
@@ -116,16 +114,16 @@ def _tubes(
             apart = float(np.linalg.norm(np.cross(tube.point - best[1].point, axis)))
             if apart > config.coaxial * tube.outer_radius:
                 return None
-        size = float(min(table.sizes[part], table.sizes[other]))
-        T_other_world = se3.inverse(table.poses[other])
+        size = parts.smaller_size(part, other)
+        T_other_world = se3.inverse(parts.poses[other])
         travel = parting_travel(
-            table.bodies[part],
-            table.bodies[other],
-            T_other_world @ table.poses[part],
+            parts.bodies[part],
+            parts.bodies[other],
+            T_other_world @ parts.poses[part],
             T_other_world[:3, :3] @ axis,
-            length=float(np.linalg.norm(np.ptp(np.concatenate([table.vertices(k) for k in (part, other)]), axis=0))),
-            tolerance=table.config.tolerance * size,
-            least_step=table.config.least_step * size,
+            length=float(np.linalg.norm(np.ptp(np.concatenate([parts.vertices[k] for k in (part, other)]), axis=0))),
+            tolerance=parts.tolerances.translation * parts.scale(part, other),
+            least_step=parts.tolerances.least_step * size,
         )
         if best is None or travel > best[2]:
             best = (other, tube, travel)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.paths import hit_by_path
+from sashimono.disassembly.paths import hit_by_removal
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.threads.surface import Threads, search_unscrew
 from sashimono.plan import Answer, MotionClass
@@ -16,9 +16,8 @@ class ThreadStage:
     name = "thread"
     motions = MotionClass.SCREWS
 
-    def __init__(self, blocking: Blocking, threads: Threads, *, hit_tolerance: float) -> None:
-        """Take in the threads, and the tolerance by which parts off the way count as hit (see `Paths`)."""
-        self.blocking, self.threads, self.hit_tolerance = blocking, threads, hit_tolerance
+    def __init__(self, parts: PlacedParts, threads: Threads) -> None:
+        self.parts, self.threads = parts, threads
 
     def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
         others = remaining & ~(1 << part)
@@ -27,8 +26,8 @@ class ThreadStage:
             is_cut = traced >= max_traced
             reason = "threads ended where the tracing steps were spent" if is_cut else ""
             return Separation(answer=Answer.UNKNOWN, stage=self.name, reason=reason, traced=traced, is_cut=is_cut)
-        absent = bits(self.blocking.all_parts & ~remaining)
-        hits = hit_by_path(self.blocking, part, removal, absent, tolerance=self.hit_tolerance)
+        absent = bits(self.parts.all_parts & ~remaining)
+        hits = hit_by_removal(self.parts, part, removal, absent)
         return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=self.name, traced=traced)
 
     def can_recall(self, found: Separation) -> bool:

@@ -1,8 +1,8 @@
 """The thread stage: a part whose surface is a thread in another's leaves by that thread's own screw.
 
-Axis and pitch are read off the surfaces, each part's by itself, so that clearance between the two, or a phase in
-which the CAD has their ridges overlap, does not hide them. About a part's own thread axis the thread sweeps nothing
-but itself: whatever it clears, or overlaps, in the assembled pose, it goes on doing until it is out.
+Axis and pitch are read off each part's surface by itself. So neither clearance between the two hides them, nor a
+phase in which the CAD has their ridges overlap. About a part's own thread axis the thread sweeps nothing
+but itself: what it clears in the assembled pose, and what it overlaps there, stays the same until it is out.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.paths import Paths
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry import se3
 from sashimono.geometry.body import mutual_depth
@@ -32,9 +32,6 @@ class UnscrewConfig:
     """Lines of the part's own geometry tried as the axis."""
     max_faces: int = 40_000
     """Faces of one part looked at; of a finer mesh, every second, third, ... one."""
-    tolerance: float = 0.0075
-    """Depth beyond the assembled overlap that the check of a path allows, over the pair's scale
-    (`Blocking.scale`)."""
     leg: float = 2.0 * np.pi / 3.0
     """Turn of one stretch [rad]; geodesics need less than π."""
     most_turned: float = 0.9 * np.pi
@@ -48,8 +45,8 @@ class UnscrewConfig:
 class Threads:
     """The threads between pairs of parts of one assembly, worked out as they are asked for."""
 
-    def __init__(self, blocking: Blocking, *, config: UnscrewConfig) -> None:
-        self.blocking = blocking
+    def __init__(self, parts: PlacedParts, *, config: UnscrewConfig) -> None:
+        self.parts = parts
         self.config = config
         self._pairs: dict[tuple[int, int], tuple[Helix, ...]] = {}
 
@@ -64,13 +61,13 @@ class Threads:
         return self._pairs[key]
 
     def _find(self, part: int, other: int) -> tuple[Helix, ...]:
-        own, theirs = (self.blocking.vertices(k)[self.blocking.faces(k)] for k in (part, other))
+        own, theirs = (self.parts.vertices[k][self.parts.faces[k]] for k in (part, other))
         low = np.maximum(own.min(axis=(0, 1)), theirs.min(axis=(0, 1)))
         high = np.minimum(own.max(axis=(0, 1)), theirs.max(axis=(0, 1)))
         if (low >= high).any():
             return ()
         own, theirs = self._within(own, low, high), self._within(theirs, low, high)
-        for axis in self.blocking.part_lines[part][: self.config.max_lines]:
+        for axis in self.parts.part_lines[part][: self.config.max_lines]:
             first = fit_helix(own, axis, config=self.config.helix)
             if first is None:
                 continue
@@ -93,8 +90,8 @@ def search_unscrew(
 ) -> tuple[Removal | None, int]:
     """Return a removal of the part past the others along the screw of a thread that it shares with one, else None,
     and the tracing steps (`Paths.traced`) that it took; looked at before each screw is followed."""
-    blocking, config = threads.blocking, threads.config
-    paths = Paths(blocking, part, others, tolerance=config.tolerance)
+    parts, config = threads.parts, threads.config
+    paths = Paths(parts, part, others, tolerance=parts.tolerances.turning)
     for other in paths.near(np.eye(4)):
         for helix in threads.between(part, other):
             for sign in (1.0, -1.0):
@@ -113,13 +110,13 @@ def _starts(
     Where CAD draws ridges overlapping, a shift along the axis takes them midway between the other's, or else a turn
     in place: seen along the thread, that is a shift the other way. Last, with the overlap as it is.
     """
-    table = paths.blocking
-    limit = config.tolerance * table.scale(paths.part, other)
-    if table.allowances[paths.part, other] > limit:
+    parts = paths.parts
+    limit = parts.tolerances.turning * parts.scale(paths.part, other)
+    if parts.overlaps[paths.part, other] > limit:
         lead = 2.0 * np.pi * abs(helix.pitch)
         shifts = np.arange(1, config.offsets) * (lead / config.offsets)
         ways = [se3.make(None, sign * shift * helix.axis) for shift in shifts]
-        T_other_world, body = se3.inverse(table.poses[other]), table.bodies[other]
+        T_other_world, body = se3.inverse(parts.poses[other]), parts.bodies[other]
         depths = [mutual_depth(paths.body, body, T_other_world @ D @ paths.T_assembled) for D in ways]
         clear = np.flatnonzero(np.array(depths) <= limit)
         if len(clear):

@@ -16,7 +16,7 @@ from numba import njit
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.tilting.probes import contact_probes
 from sashimono.geometry import se3
-from sashimono.geometry.distance.screw import adjoint, between, march_screw
+from sashimono.geometry.distance.screw import adjoint, advance_along_screw, between
 from sashimono.geometry.distance.signed_distance import nearest_normal
 
 _COARSER = 6.0
@@ -42,25 +42,24 @@ class ContactSurface:
     def __init__(self, paths: Paths, *, most_probes: int, leeway: float) -> None:
         """Take in the parts, the most probes of one, and the share of the tolerated depth that sliding may use."""
         self.paths, self.leeway = paths, leeway
-        table = paths.blocking
+        parts = paths.parts
         self.own = contact_probes(paths.body, most=most_probes)
-        self.theirs = {k: contact_probes(table.bodies[k], most=most_probes) for k in paths.others}
-        self._inverse = {k: se3.inverse(table.poses[k]) for k in paths.others}
+        self.theirs = {k: contact_probes(parts.bodies[k], most=most_probes) for k in paths.others}
+        self._inverse = {k: se3.inverse(parts.poses[k]) for k in paths.others}
 
     def gaps(self, D: Float[np.ndarray, "4 4"], *, margin: float) -> Gaps:
         """Return the gaps smaller than the margin [m] with the part displaced by D."""
-        paths, table = self.paths, self.paths.blocking
+        paths, parts = self.paths, self.paths.parts
         T = D @ paths.T_assembled
         center = se3.apply(D, paths.center[None])[0]
         radius = paths.body.radius
         rows, gaps = [np.zeros((0, 6))], [np.zeros(0)]
         for other in paths.near(D, margin=margin):
-            body = table.bodies[other]
-            allowed = float(table.allowances[paths.part, other])
-            allowed += self.leeway * paths.tolerance * table.scale(paths.part, other)
+            body = parts.bodies[other]
+            allowed = parts.limit(paths.part, other, self.leeway * paths.tolerance)
             T_other_part = self._inverse[other] @ T
             for points, T_field_points, T_world_field, field, sign in (
-                (self.own, T_other_part, table.poses[other], body.signed_distance, 1.0),
+                (self.own, T_other_part, parts.poses[other], body.signed_distance, 1.0),
                 (self.theirs[other], se3.inverse(T_other_part), T, paths.body.signed_distance, -1.0),
             ):
                 found = np.empty((len(points), 7))
@@ -79,24 +78,24 @@ class ContactSurface:
 
         They are fewer than the exact check follows (`Paths.check`), which has the last word on a path.
         """
-        paths, table = self.paths, self.paths.blocking
+        paths, parts = self.paths, self.paths.parts
         twist = between(D_a, D_b)
         T = D_a @ paths.T_assembled
         for other in paths.near(D_a, twist=twist):
-            limit = float(table.allowances[paths.part, other]) + paths.tolerance * table.scale(paths.part, other)
-            least = _COARSER * table.config.least_step * min(paths.size, float(table.sizes[other]))
+            limit = parts.limit(paths.part, other, paths.tolerance)
+            least = _COARSER * parts.tolerances.least_step * parts.smaller_size(paths.part, other)
             options = {"limit": limit, "least_step": least}
             T_other_part = self._inverse[other] @ T
             along = adjoint(self._inverse[other], twist)
             points = se3.apply(T_other_part, self.own)
-            u, steps = march_screw(table.bodies[other].signed_distance, points, along, **options)
+            u, steps = advance_along_screw(parts.bodies[other].signed_distance, points, along, **options)
             paths.traced += len(points) + steps
             if np.isfinite(u):
                 return False
             # seen from the part, the other moves the opposite way
             T_part_other = se3.inverse(T_other_part)
             points = se3.apply(T_part_other, self.theirs[other])
-            u, steps = march_screw(paths.body.signed_distance, points, -adjoint(T_part_other, along), **options)
+            u, steps = advance_along_screw(paths.body.signed_distance, points, -adjoint(T_part_other, along), **options)
             paths.traced += len(points) + steps
             if np.isfinite(u):
                 return False

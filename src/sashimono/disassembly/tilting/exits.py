@@ -8,7 +8,7 @@ from numba import njit
 
 from sashimono.disassembly.tilting.contact_surface import ContactSurface, Gaps
 from sashimono.geometry import se3
-from sashimono.geometry.distance.march import march_points
+from sashimono.geometry.distance.advancement import advance_points
 
 _AGAINST = -0.1
 """A direction that closes a touching gap faster than this is no way out."""
@@ -42,16 +42,16 @@ def _seem_open(
     surface: ContactSurface, D: Float[np.ndarray, "4 4"], directions: Float[np.ndarray, "direction 3"], stride: int
 ) -> Bool[np.ndarray, "direction"]:
     """Whether every so manieth probe of both sides, followed along each direction, meets nothing."""
-    paths, table = surface.paths, surface.paths.blocking
+    paths, parts = surface.paths, surface.paths.parts
     is_open = np.ones(len(directions), np.bool_)
     for other in paths.others:
-        T = se3.inverse(table.poses[other]) @ D @ paths.T_assembled
-        limit = float(table.allowances[paths.part, other]) + paths.tolerance * table.scale(paths.part, other)
-        least = table.config.least_step * min(paths.size, float(table.sizes[other]))
-        body = table.bodies[other]
+        T = se3.inverse(parts.poses[other]) @ D @ paths.T_assembled
+        limit = parts.limit(paths.part, other, paths.tolerance)
+        least = parts.tolerances.least_step * parts.smaller_size(paths.part, other)
+        body = parts.bodies[other]
         reach = float(np.linalg.norm(se3.apply(T, paths.body.center[None])[0] - body.center))
         options = (reach + paths.body.radius + body.radius, limit, least)
-        along = directions @ table.poses[other][:3, :3]
+        along = directions @ parts.poses[other][:3, :3]
         points = np.ascontiguousarray(se3.apply(T, surface.own[::stride]))
         paths.traced += _close(points, along, *options, *body.signed_distance.arrays, is_open)
         T = se3.inverse(T)
@@ -74,7 +74,7 @@ def _close(
         for k in range(n):
             at = (first + k) % n
             followed += 1
-            travel = march_points(
+            travel = advance_points(
                 points[at : at + 1], directions[m], length, limit, least_step, boxes, links, triangles, normals
             )
             if np.isfinite(travel):

@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.paths import Paths
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.tilting.axes import round_axes
 from sashimono.disassembly.tilting.contact_surface import ContactSurface
@@ -34,10 +34,9 @@ class TiltConfig:
     slide: SlideConfig = field(default_factory=SlideConfig)
     growth: Literal["est", "rrt"] = "est"
     """How the tree grows: from sparse places along motions at random, or towards poses at random."""
-    tolerance: float = 0.0075
-    """Depth beyond the assembled overlap that the check of a path allows, over the pair's scale: as of physics."""
     leeway: float = 0.3
-    """Share of this depth that sliding may use; the rest is for what the check sees between poses."""
+    """Share of the depth tolerated beyond the assembled overlap (`Tolerances.turning`) that sliding may use. The rest
+    is for what the check sees between poses."""
     most_probes: int = 450
     """Points of a part at which contact is felt."""
     max_slides: int = 900
@@ -144,9 +143,9 @@ def _symmetry_axis(paths: Paths) -> Float[np.ndarray, "3"] | None:
     return None
 
 
-def search_tilt(blocking: Blocking, part: int, others: Sequence[int], *, config: TiltConfig) -> TiltResult:
+def search_tilt(parts: PlacedParts, part: int, others: Sequence[int], *, config: TiltConfig) -> TiltResult:
     """Return a removal of the part past the others by tilts, turns and shifts; no removal is never a proof."""
-    paths = Paths(blocking, part, others, tolerance=config.tolerance)
+    paths = Paths(parts, part, others, tolerance=parts.tolerances.turning)
     surface = ContactSurface(paths, most_probes=config.most_probes, leeway=config.leeway)
     removal, is_held, slides, nodes = None, False, 0, 0
     for attempt in range(config.attempts):
@@ -176,10 +175,10 @@ class _Search:
         """Whether the part got nowhere."""
         self.radius = self.paths.body.radius
         self.tree = _Tree(self.paths, config.novelty * self.radius)
-        self.frame = self.paths.blocking.frame(self.paths.part)
-        table = self.paths.blocking
-        self.lines = table.directions
-        self.own_lines = table.part_lines[self.paths.part]
+        self.frame = self.paths.parts.frame(self.paths.part)
+        parts = self.paths.parts
+        self.lines = parts.lines
+        self.own_lines = parts.part_lines[self.paths.part]
         self.spread = sphere_directions(2 * self.config.spread)[: self.config.spread] @ self.frame
         self.axes = self._round_axes()
 
@@ -308,17 +307,17 @@ class _Search:
 
     def _round_axes(self) -> list[Float[np.ndarray, "2 3"]]:
         """Axes of round faces near the part, in its own frame, or in that of an other one (``axis_frames``)."""
-        table, most = self.paths.blocking, self.config.most_axes
+        parts, most = self.paths.parts, self.config.most_axes
         merge = 0.03 * self.radius
         own = list(round_axes(self.paths.body, most=most, merge=merge))
         self.axis_frames: list[np.ndarray | None] = [None] * len(own)
         for other in self.paths.near(np.eye(4)):
-            for axis in round_axes(table.bodies[other], most=most, merge=merge):
-                middle = se3.apply(table.poses[other], axis[:1])[0] - self.paths.center
-                line = table.poses[other][:3, :3] @ axis[1]
+            for axis in round_axes(parts.bodies[other], most=most, merge=merge):
+                middle = se3.apply(parts.poses[other], axis[:1])[0] - self.paths.center
+                line = parts.poses[other][:3, :3] @ axis[1]
                 if np.linalg.norm(middle - (middle @ line) * line) < 1.5 * self.radius:
                     own.append(axis)
-                    self.axis_frames.append(table.poses[other])
+                    self.axis_frames.append(parts.poses[other])
         return own
 
     def _shortened(self, poses: list[Float[np.ndarray, "4 4"]]) -> list[Float[np.ndarray, "4 4"]]:

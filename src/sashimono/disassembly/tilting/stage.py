@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import hit_by_path
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.tilting.search import TiltConfig, search_tilt
 from sashimono.plan import Answer, MotionClass
@@ -18,15 +18,15 @@ class TiltStage:
     name = "tilt"
     motions = MotionClass.ALL
 
-    def __init__(self, blocking: Blocking, *, config: TiltConfig) -> None:
-        self.blocking, self.config = blocking, config
+    def __init__(self, parts: PlacedParts, *, config: TiltConfig) -> None:
+        self.parts, self.config = parts, config
 
     def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
         config = replace(self.config, max_traced=min(max_traced, self.config.max_traced))
-        found = search_tilt(self.blocking, part, bits(remaining & ~(1 << part)), config=config)
+        found = search_tilt(self.parts, part, bits(remaining & ~(1 << part)), config=config)
         if found.removal is not None:
-            absent = bits(self.blocking.all_parts & ~remaining)
-            hits = hit_by_path(self.blocking, part, found.removal, absent, tolerance=self.config.tolerance)
+            absent = bits(self.parts.all_parts & ~remaining)
+            hits = hit_by_path(self.parts, part, found.removal, absent, tolerance=self.parts.tolerances.turning)
             return Separation(
                 answer=Answer.FREE, removal=found.removal, hits=hits, stage=self.name, traced=found.traced
             )

@@ -1,22 +1,22 @@
 """Proofs on fine lattices: the part is caged near its assembled pose, by as small a window as shows it.
 
-A proof needs no more of the configuration space than what the flood reaches. So the lattice starts narrow, grows only
-on the side where the flood comes out, and can be as fine as thin walls need.
+A proof needs only the part of the configuration space that the flood reaches. So the lattice starts narrow and grows
+only on the side where the flood comes out. That lets it be as fine as thin walls need.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.configuration_space import NESTED, Space, SpaceConfig
 
 
 class Cages:
     """Proofs for one part at a time. What was asked before makes an answer faster, never another."""
 
-    def __init__(self, blocking: Blocking, *, config: SpaceConfig) -> None:
-        self._blocking = blocking
+    def __init__(self, parts: PlacedParts, *, config: SpaceConfig) -> None:
+        self._parts = parts
         self._config = config
         self._part = -1
         self._spaces: dict[tuple[int, tuple[int, ...]], Space] = {}
@@ -56,6 +56,6 @@ class Cages:
                 self._spaces.pop(next(iter(self._spaces)))
             resolution = self._config.proof_resolutions[level]
             self._spaces[key] = Space(
-                self._blocking, self._part, resolution, config=self._config, window=window, parent=parent
+                self._parts, self._part, resolution, config=self._config, window=window, parent=parent
             )
         return self._spaces[key]

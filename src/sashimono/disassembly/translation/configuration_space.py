@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float, Int
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.drawing import Drawing
-from sashimono.disassembly.translation.flood import (
-    Scene,
+from sashimono.disassembly.translation.lattice_flood import (
+    LatticeScene,
     cast,
     explore,
     label,
@@ -29,7 +29,7 @@ from sashimono.disassembly.translation.flood import (
     steps_from,
     straightened,
 )
-from sashimono.disassembly.translation.meeting import SceneBuilder
+from sashimono.disassembly.translation.lattice_scene import LatticeSceneBuilder
 
 MOST_OBSTACLES = 62
 """Obstacles that a lattice can tell apart (bits of a word); the nearest are taken."""
@@ -76,8 +76,6 @@ class SpaceConfig:
     """Most lattice points that stand for one pair of parts on it."""
     max_room_visited: int = 20_000
     """Most displacements visited on it by one look for a way out."""
-    tolerance: float = 0.02
-    """Depth that a plan may add to the assembled overlap, relative to the smaller part's smallest extent."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,7 +99,7 @@ class Space:
 
     def __init__(
         self,
-        blocking: Blocking,
+        parts: PlacedParts,
         part: int,
         resolution: float,
         *,
@@ -115,18 +113,18 @@ class Space:
         ``grown``: a lattice that shows where there is room, and proves nothing.
         """
         self.config = config
-        self.rotation = blocking.frame(part)
-        boxes = blocking.boxes_in(self.rotation)
+        self.rotation = parts.frame(part)
+        boxes = parts.boxes_in(self.rotation)
         low, high = boxes[part]
-        others = [k for k in range(len(blocking)) if k != part]
+        others = [k for k in range(len(parts)) if k != part]
         gaps = np.maximum(boxes[others, 0] - high, low - boxes[others, 1]).max(axis=1)
         self.obstacles = [others[k] for k in np.argsort(np.round(gaps, 9), kind="stable")[:MOST_OBSTACLES]]
         """The obstacles, by bit."""
         outer = boxes[self.obstacles]
         # where the inertia axes are not determined, the box along the faces may be the smaller one
-        extent = min(float(blocking.sizes[part]), float((high - low).min()))
+        extent = min(float(parts.sizes[part]), float((high - low).min()))
         if window is not None:
-            extent = min(extent, config.proof_walls * float(blocking.bodies[part].wall))
+            extent = min(extent, config.proof_walls * float(parts.bodies[part].wall))
         self.spacing = h = extent / resolution
         count = np.floor((high - low) / h).astype(int) + 1
         room = np.stack([high - outer[:, 0].min(axis=0), outer[:, 1].max(axis=0) - low])
@@ -143,18 +141,15 @@ class Space:
         self._labels = np.zeros(tuple(shape.tolist()) if fits else (0, 0, 0), np.int64)
         self._known = np.zeros(self._labels.shape, np.bool_)
         self._parent = parent
-        self._drawing = Drawing(
-            blocking, part, self.rotation, spacing=h, window=self.window, tolerance=config.tolerance,
-            grown=grown,
-        )  # fmt: skip
+        self._drawing = Drawing(parts, part, self.rotation, spacing=h, window=self.window, grown=grown)
         self._most = most
         self._grown = grown
         self._drawn = 0
         self._inside = 0
-        self._builder = SceneBuilder(
+        self._builder = LatticeSceneBuilder(
             shape, len(self.obstacles), max_points=config.max_room_points if grown else config.max_points
         )
-        self._scene: Scene | None = None
+        self._scene: LatticeScene | None = None
 
     def work(self, others: int) -> int:
         """Return how many lattice points stand for these obstacles (a mask of parts) and the part, those of a lattice

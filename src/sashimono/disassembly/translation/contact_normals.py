@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.geometry import se3
 from sashimono.geometry.features.directions import sphere_directions
 
@@ -21,8 +21,8 @@ from sashimono.geometry.features.directions import sphere_directions
 class ContactNormals:
     """Relieving contact normals of part pairs in the assembled pose, in the world frame."""
 
-    def __init__(self, blocking: Blocking, *, gap: float) -> None:
-        self._blocking = blocking
+    def __init__(self, parts: PlacedParts, *, gap: float) -> None:
+        self._parts = parts
         self._gap = gap
         self._pairs: dict[tuple[int, int], np.ndarray] = {}
         self._margins: dict[tuple[int, int, int], np.ndarray | None] = {}
@@ -56,14 +56,14 @@ class ContactNormals:
 
     def _measure(self, a: int, b: int) -> Float[np.ndarray, "contact 3"]:
         """Normals that relieve a: samples of a near b give -normal of a, samples of b near a give +normal of b."""
-        table = self._blocking
-        near = self._gap * min(table.sizes[a], table.sizes[b])
-        if not table.boxes_meet(a, b, near):
+        parts = self._parts
+        near = self._gap * parts.smaller_size(a, b)
+        if not parts.boxes_meet(a, b, near):
             return np.zeros((0, 3))
         found = [np.zeros((0, 3))]
         for first, second, sign in ((a, b, -1.0), (b, a, 1.0)):
-            body, tree = table.bodies[first], table.bodies[second]
-            T = se3.inverse(table.poses[second]) @ table.poses[first]
+            body, tree = parts.bodies[first], parts.bodies[second]
+            T = se3.inverse(parts.poses[second]) @ parts.poses[first]
             points = se3.apply(T, body.samples)
             inside = ((points > tree.bounds[0] - near) & (points < tree.bounds[1] + near)).all(axis=1)
             if not inside.any():
@@ -74,7 +74,7 @@ class ContactNormals:
             normals = body.sample_normals[touching]
             ahead = se3.apply(T, body.samples[touching] + 2.0 * near * normals)
             facing = tree.signed_distance.query(ahead) < 0.0 if len(ahead) else np.zeros(0, bool)
-            found.append(sign * normals[facing] @ table.poses[first][:3, :3].T)
+            found.append(sign * normals[facing] @ parts.poses[first][:3, :3].T)
         return np.unique(np.round(np.concatenate(found), 4), axis=0)
 
 

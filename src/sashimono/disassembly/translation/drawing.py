@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.eroded_lattice import eroded_lattice, grown_lattice
-from sashimono.disassembly.translation.meeting import Drawn
+from sashimono.disassembly.translation.lattice_scene import Drawn
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,23 +38,22 @@ class Drawing:
 
     def __init__(
         self,
-        blocking: Blocking,
+        parts: PlacedParts,
         part: int,
         rotation: Float[np.ndarray, "3 3"],
         *,
         spacing: float,
         window: Int[np.ndarray, "2 3"],
-        tolerance: float,
         grown: bool = False,
     ) -> None:
         """Take in the lattice: its axes (rows), its spacing, and the steps that the displacements reach down and up.
 
         ``grown``: the solids are grown so that where they are apart no displacement that rounds to it has them meet.
         """
-        self._blocking, self._part, self._rotation = blocking, part, rotation
-        self._spacing, self._tolerance = spacing, tolerance
+        self._parts, self._part, self._rotation = parts, part, rotation
+        self._spacing = spacing
         self._grown, self._pad = grown, 2 if grown else 1
-        self._boxes = blocking.boxes_in(rotation)
+        self._boxes = parts.boxes_in(rotation)
         low, high = self._boxes[part]
         self._count = np.floor((high - low) / spacing).astype(int) + 1
         self._corner = low + 0.5 * ((high - low) - (self._count - 1) * spacing)
@@ -73,22 +72,23 @@ class Drawing:
 
     def draw(self, other: int) -> tuple[Drawn, Drawn]:
         """Return the part and the obstacle where they can meet, shrunk by what a proof needs in all (or grown)."""
-        blocking, region = self._blocking, self.region(other)
+        parts, region = self._parts, self.region(other)
+        tolerance = parts.tolerances.plan
         half = 0.25 * np.sqrt(3.0) * self._spacing * (1.0 + 1e-6)
-        share = 0.0 if self._grown else self._tolerance * float(blocking.sizes[self._part])
+        share = 0.0 if self._grown else tolerance * float(parts.sizes[self._part])
         key = tuple(region.own.ravel().tolist())
         if key not in self._drawn:
             self._drawn[key] = self._solid(self._part, self._corner, region.own, half + share)
         if self._grown:
             return self._drawn[key], self._solid(other, self._origin, region.theirs, half)
-        depth = self._tolerance * min(blocking.sizes[self._part], blocking.sizes[other])
-        depth += blocking.allowances[self._part, other]
+        depth = tolerance * parts.smaller_size(self._part, other)
+        depth += parts.overlaps[self._part, other]
         return self._drawn[key], self._solid(other, self._origin, region.theirs, half + max(2.0 * depth - share, 0.0))
 
     def _solid(self, part: int, origin: Float[np.ndarray, "3"], box: Int[np.ndarray, "2 3"], radius: float) -> Drawn:
         solid = (grown_lattice if self._grown else eroded_lattice)(
-            self._blocking.vertices(part) @ self._rotation.T,
-            self._blocking.faces(part),
+            self._parts.vertices[part] @ self._rotation.T,
+            self._parts.faces[part],
             origin=origin + box[0] * self._spacing,
             spacing=self._spacing,
             shape=tuple((box[1] - box[0]).tolist()),

@@ -7,43 +7,50 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.placed_parts import PlacedParts
 
 
 class Legs:
     """Free travel of one part from any displacement along given lines; what was traced is kept."""
 
-    def __init__(self, blocking: Blocking, part: int, lines: Float[np.ndarray, "line 3"]) -> None:
-        """Take in the part and the lines; signed direction ``2 k`` is ``+lines[k]``, ``2 k + 1`` the opposite."""
-        self.blocking = blocking
+    def __init__(self, parts: PlacedParts, part: int, lines: Float[np.ndarray, "line 3"]) -> None:
+        """Take in the part and the lines; direction ``2 k`` is ``+lines[k]``, ``2 k + 1`` the opposite."""
+        self.parts = parts
         self.part = part
         self.lines = lines
-        self.signed = np.stack([lines, -lines], axis=1).reshape(-1, 3)
+        self.directions = np.stack([lines, -lines], axis=1).reshape(-1, 3)
         self._known: dict[tuple[bytes, int, int], tuple[float, float]] = {}
 
     def travel(
-        self, offset: Float[np.ndarray, "3"], signed: int, length: float, others: Sequence[int], *, enough: float
+        self,
+        offset: Float[np.ndarray, "3"],
+        direction_index: int,
+        length: float,
+        others: Sequence[int],
+        *,
+        enough: float,
     ) -> tuple[float, int | None]:
         """Return how far the part goes from an offset, up to a length [m], and the obstacle that stops it if one does.
 
         Of a part stopped before ``enough`` [m], not necessarily the first obstacle is found.
         """
         shortest, stopper = length, None
-        for meeting, other in self.blocking.met(self.part, offset, self.signed[signed], others):
-            if meeting >= shortest:
+        for box_travel, other in self.parts.parts_ahead(self.part, offset, self.directions[direction_index], others):
+            if box_travel >= shortest:
                 break
-            travel = self._past(offset, signed, other, shortest)
+            travel = self._past(offset, direction_index, other, shortest)
             if travel < shortest:
                 shortest, stopper = travel, other
                 if shortest < enough:
                     break
         return shortest, stopper
 
-    def _past(self, offset: Float[np.ndarray, "3"], signed: int, other: int, length: float) -> float:
+    def _past(self, offset: Float[np.ndarray, "3"], direction_index: int, other: int, length: float) -> float:
         """Travel past one obstacle, infinite beyond the length."""
-        key = (offset.tobytes(), signed, other)
+        key = (offset.tobytes(), direction_index, other)
         travel, looked = self._known.get(key, (np.inf, 0.0))
         if np.isinf(travel) and looked < length:
-            travel = self.blocking.travel(self.part, offset, self.signed[signed], other, length=length)
+            travel = free_travel(self.parts, self.part, offset, self.directions[direction_index], other, length=length)
             self._known[key] = (travel, length)
         return travel if travel < length else np.inf

@@ -1,8 +1,8 @@
 """Several translations in a row, where no single one frees a part: a motion, or the proof that there is none.
 
-The configuration space comes first: if its flood finds no way out, that is a proof. Where it finds
-one, it leads an exact search: best first over displacements, each leg traced to where the part is
-stopped, with halts where a flat face of the part comes level with a flat face of an obstacle.
+The configuration space comes first. If its flood finds no way out, that is a proof. If it finds one, it leads an
+exact search, best first over displacements. Each leg is traced to where the part is stopped. A leg may also end where
+a flat face of the part comes level with a flat face of an obstacle.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.translation.caging import Cages
 from sashimono.disassembly.translation.configuration_space import Flood, Space, SpaceConfig
-from sashimono.disassembly.translation.halts import Levels, halts
+from sashimono.disassembly.translation.face_levels import FaceLevels, level_travels
 from sashimono.disassembly.translation.legs import Legs
 from sashimono.geometry import se3
 from sashimono.geometry.overlap import intersection_depth
@@ -40,7 +41,7 @@ class TranslationConfig:
     """The same with those that are stopped at once."""
     max_branches: int = 12
     """Legs queued from one displacement along one direction."""
-    max_halts: int = 64
+    max_level_travels: int = 64
     """Face levels looked at on one leg."""
     face_levels: int = 16
     """Faces of one part across one line, the largest, whose levels count, besides its ends."""
@@ -82,17 +83,17 @@ class TranslationResult:
 class TranslationSearch:
     """Searches translations of one part at a time; configuration spaces and face levels are kept."""
 
-    def __init__(self, blocking: Blocking, *, config: TranslationConfig) -> None:
-        self.blocking = blocking
+    def __init__(self, parts: PlacedParts, *, config: TranslationConfig) -> None:
+        self.parts = parts
         self.config = config
-        self._levels = Levels(blocking, most=config.face_levels, grain=config.grain)
+        self._levels = FaceLevels(parts, most=config.face_levels, grain=config.grain)
         self._spaces: dict[tuple[int, int], Space] = {}
-        self._cages = Cages(blocking, config=config.space)
+        self._cages = Cages(parts, config=config.space)
         self._legs: Legs | None = None
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
-        # near the assembled pose a proof costs least, and most parts that are held are held there
+        # a proof costs least near the assembled pose, and most parts that are held are held there
         answer = self.caged(part, others)
         if answer.proven:
             return answer
@@ -122,21 +123,8 @@ class TranslationSearch:
 
     def _legs_of(self, part: int) -> Legs:
         if self._legs is None or self._legs.part != part:
-            self._legs = Legs(self.blocking, part, _lines(self.blocking, part, self.config.max_directions))
+            self._legs = Legs(self.parts, part, _lines(self.parts, part, self.config.max_directions))
         return self._legs
-
-    def hit_by(self, part: int, removal: Removal, among: Sequence[int]) -> int:
-        """Return the mask of the parts that a removal by translations runs into."""
-        mask = 0
-        stops = removal.displacements[:, :3, 3]
-        for other in among:
-            for leg, (start, stop) in enumerate(pairwise(stops)):
-                length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
-                direction = (stop - start) / np.linalg.norm(stop - start)
-                if np.isfinite(self.blocking.travel(part, start, direction, other, length=length)):
-                    mask |= 1 << other
-                    break
-        return mask
 
     def _space(self, part: int, level: int) -> Space:
         key = (part, level)
@@ -145,7 +133,7 @@ class TranslationSearch:
                 self._spaces.pop(next(iter(self._spaces)))
             config, grown = self.config.space, level == ROOM
             resolution = config.room_resolution if grown else config.resolutions[level]
-            self._spaces[key] = Space(self.blocking, part, resolution, config=config, grown=grown)
+            self._spaces[key] = Space(self.parts, part, resolution, config=config, grown=grown)
         return self._spaces[key]
 
 
@@ -158,7 +146,7 @@ class _BestFirst:
     def __init__(
         self,
         legs: Legs,
-        levels: Levels,
+        levels: FaceLevels,
         others: Sequence[int],
         space: Space,
         flood: Flood,
@@ -166,21 +154,21 @@ class _BestFirst:
         config: TranslationConfig,
     ) -> None:
         self.legs = legs
-        self.blocking, self.part, self.others = legs.blocking, legs.part, list(others)
-        blocking, part = self.blocking, self.part
+        self.parts, self.part, self.others = legs.parts, legs.part, list(others)
+        parts, part = self.parts, self.part
         self.space, self.flood, self.room, self.config = space, flood, room, config
         self.tried: set[tuple[int, ...]] = set()
-        self.boxes = blocking.boxes_in(np.eye(3))
+        self.boxes = parts.boxes_in(np.eye(3))
         self.mask = sum(1 << other for other in others)
-        self.cell = config.least_travel * float(blocking.sizes[part])
-        self.least = config.least_leg * float(blocking.sizes[part])
-        self.lines, self.signed = legs.lines, legs.signed
+        self.cell = config.least_travel * float(parts.sizes[part])
+        self.least = config.least_leg * float(parts.sizes[part])
+        self.lines, self.directions = legs.lines, legs.directions
         self.differences = levels.differences(part, others, self.lines)
         self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
         self.seen: set[tuple[int, ...]] = set()
         self.reach: dict[tuple[tuple[int, ...], int], float] = {}
         self.met: set[int] = set()
-        self.pushed = 0
+        self.queued_count = 0
 
     def run(self) -> TranslationResult:
         """Return the first way out, or that there is none, or that the budget ran out."""
@@ -190,13 +178,13 @@ class _BestFirst:
         self._expand([np.zeros(3)])
         traced = looked = 0
         while self.queue and traced < self.config.max_legs and looked < self.config.max_traces:
-            _, _, path, signed, length = heapq.heappop(self.queue)
-            direction = self.signed[signed]
-            key = (self._key(path[-1]), signed)
+            _, _, path, direction_index, length = heapq.heappop(self.queue)
+            direction = self.directions[direction_index]
+            key = (self._key(path[-1]), direction_index)
             end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
             if length > self.reach.get(key, np.inf) or (np.isfinite(length) and self._key(end) in self.seen):
                 continue
-            travel, stopper = self.legs.travel(path[-1], signed, length, self.others, enough=self.cell)
+            travel, stopper = self.legs.travel(path[-1], direction_index, length, self.others, enough=self.cell)
             traced += int(travel > self.least)
             looked += 1
             if stopper is None and np.isinf(length):
@@ -213,9 +201,9 @@ class _BestFirst:
             self.met.add(stopper)
             self.reach[key] = travel
             # where curved faces meet there is no level: back off to where they touch
-            back = travel - self.blocking.limit(self.part, stopper)
+            back = travel - self.parts.limit(self.part, stopper, self.parts.tolerances.translation)
             if back > self.least:
-                self._push(path, np.array([signed]), np.array([back]), np.array([False]))
+                self._push(path, np.array([direction_index]), np.array([back]), np.array([False]))
         reason = (
             f"translation search ran out of its budget of {traced} legs"
             if self.queue
@@ -245,10 +233,10 @@ class _BestFirst:
         return None
 
     def _is_stopped(self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float) -> bool:
-        blocking, part = self.blocking, self.part
+        parts, part = self.parts, self.part
         return any(
-            meeting < length and np.isfinite(blocking.travel(part, offset, direction, other, length=length))
-            for meeting, other in blocking.met(part, offset, direction, self.others)
+            box_travel < length and np.isfinite(free_travel(parts, part, offset, direction, other, length=length))
+            for box_travel, other in parts.parts_ahead(part, offset, direction, self.others)
         )
 
     def _expand(self, path: list[np.ndarray]) -> None:
@@ -256,12 +244,12 @@ class _BestFirst:
         here = path[-1]
         self.seen.add(self._key(here))
         signs, lengths, exits = [np.zeros(0, int)], [np.zeros(0)], [np.zeros(0, bool)]
-        for signed, direction in enumerate(self.signed):
+        for direction_index, direction in enumerate(self.directions):
             travel, stoppers = self.space.travel(self.mask, here, direction)
             self.met.update(bits(stoppers))
-            ends = halts(self.differences, self.lines, here, direction, travel, self.config.max_halts)
+            ends = level_travels(self.differences, self.lines, here, direction, travel, self.config.max_level_travels)
             ends = np.append(ends[ends > self.least], np.inf)
-            signs.append(np.full(len(ends), signed))
+            signs.append(np.full(len(ends), direction_index))
             lengths.append(ends)
             exits.append(np.full(len(ends), not stoppers))
         self._push(path, np.concatenate(signs), np.concatenate(lengths), np.concatenate(exits))
@@ -269,38 +257,38 @@ class _BestFirst:
     def _push(
         self,
         path: list[np.ndarray],
-        signed: Int[np.ndarray, "leg"],
+        direction_index: Int[np.ndarray, "leg"],
         lengths: Float[np.ndarray, "leg"],
         is_open: Bool[np.ndarray, "leg"],
     ) -> None:
         """Queue legs; infinite ones, where the lattice leaves their line open, are ways out."""
-        ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.signed[signed]
+        ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.directions[direction_index]
         steps = self.space.distances(self.flood, ends)
         steps[np.isinf(lengths) & is_open] = 0.0
         places = np.round(ends / self.cell).astype(int).tolist()
-        queued = np.zeros(len(self.signed), dtype=int)
+        queued = np.zeros(len(self.directions), dtype=int)
         for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
             is_known = np.isfinite(lengths[k]) and tuple(places[k]) in self.seen
-            if is_known or queued[signed[k]] == self.config.max_branches:
+            if is_known or queued[direction_index[k]] == self.config.max_branches:
                 continue
-            queued[signed[k]] += 1
-            self.pushed += 1
+            queued[direction_index[k]] += 1
+            self.queued_count += 1
             cost = float(steps[k]) + self.config.leg_cost * len(path)
-            heapq.heappush(self.queue, (cost, self.pushed, path, int(signed[k]), float(lengths[k])))
+            heapq.heappush(self.queue, (cost, self.queued_count, path, int(direction_index[k]), float(lengths[k])))
 
     def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
         return tuple(np.round(place / self.cell).astype(int).tolist())
 
     def _holds(self, removal: Removal) -> bool:
-        """Whether exact bodies go no deeper than traced samples may, in some poses of each leg."""
-        blocking = self.blocking
+        """Return whether the exact bodies, in some poses of each leg, go no deeper than a plan may."""
+        parts = self.parts
         for start, stop in pairwise(removal.displacements[:, :3, 3]):
             for u in (np.arange(self.config.booleans) + 0.5) / self.config.booleans:
                 offset = (1.0 - u) * start + u * stop
                 for other in self._around(offset):
-                    T = se3.inverse(blocking.poses[other]) @ se3.make(None, offset) @ blocking.poses[self.part]
+                    T = se3.inverse(parts.poses[other]) @ se3.make(None, offset) @ parts.poses[self.part]
                     depth = intersection_depth(
-                        blocking.bodies[self.part], blocking.bodies[other], T, max_points=self.config.boolean_points
+                        parts.bodies[self.part], parts.bodies[other], T, max_points=self.config.boolean_points
                     )
                     if depth is not None and depth > self._tolerated(other):
                         self.met.add(other)
@@ -316,14 +304,13 @@ class _BestFirst:
 
     def _tolerated(self, other: int) -> float:
         """The depth that a plan may have [m]."""
-        share = self.config.space.tolerance * self.blocking.scale(self.part, other)
-        return share + float(self.blocking.allowances[self.part, other])
+        return self.parts.limit(self.part, other, self.parts.tolerances.plan)
 
     def _removal(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"]) -> Removal:
-        blocking = self.blocking
-        back = blocking.world_bounds_along(self.part, direction)[0] + float(path[-1] @ direction)
-        front = max(blocking.world_bounds_along(other, direction)[1] for other in self.others)
-        end = path[-1] + (max(front - back, 0.0) + 0.05 * blocking.sizes[self.part]) * direction
+        parts = self.parts
+        back = parts.bounds_along(self.part, direction)[0] + float(path[-1] @ direction)
+        front = max(parts.bounds_along(other, direction)[1] for other in self.others)
+        end = path[-1] + (max(front - back, 0.0) + 0.05 * parts.sizes[self.part]) * direction
         displacements = np.stack([np.eye(4)] * (len(path) + 1))
         displacements[1:-1, :3, 3] = np.array(path[1:]).reshape(-1, 3)
         displacements[-1, :3, 3] = end
@@ -339,10 +326,10 @@ def _proven(parts: tuple[int, ...]) -> TranslationResult:
     )
 
 
-def _lines(blocking: Blocking, part: int, most: int) -> Float[np.ndarray, "line 3"]:
+def _lines(parts: PlacedParts, part: int, most: int) -> Float[np.ndarray, "line 3"]:
     """The part's own lines, then those of all parts, without repeats."""
     kept: list[np.ndarray] = []
-    for line in np.concatenate([blocking.part_lines[part], blocking.common_lines]):
+    for line in np.concatenate([parts.part_lines[part], parts.common_lines]):
         if len(kept) < most and all(abs(line @ other) < 0.99996 for other in kept):
             kept.append(line)
     return np.array(kept)

@@ -1,12 +1,15 @@
-"""The stage of translations: along directions read off the contacts, then several in a row, or a proof of "no"."""
+"""The stage of translations: one along a direction read off the contacts, several in a row, or a proof of "no"."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.blocking.stage import straight_removal
+from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.paths import hit_by_removal
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.translation.contact_normals import ContactNormals, escape_directions, immobile_margin
@@ -22,23 +25,23 @@ class TranslationStage:
 
     def __init__(
         self,
-        blocking: Blocking,
+        parts: PlacedParts,
         contacts: ContactNormals,
         search: TranslationSearch,
         *,
         escape_samples: int,
         proof_margin: float,
     ) -> None:
-        """Take in the relation, the contacts that may hold a part, the search, and two options of the contacts.
+        """Take in the parts, the contacts that may hold a part, the search, and two options of the contacts.
 
         Args:
-            blocking: The parts and their relation.
+            parts: The placed parts.
             contacts: Which parts touch, as a proof needs it.
             search: Of several translations in a row.
             escape_samples: As in `SeparateConfig`.
             proof_margin: As in `SeparateConfig`.
         """
-        self.blocking, self.contacts, self.search = blocking, contacts, search
+        self.parts, self.contacts, self.search = parts, contacts, search
         self.escape_samples, self.proof_margin = escape_samples, proof_margin
 
     def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
@@ -46,8 +49,8 @@ class TranslationStage:
         contacts = self.contacts.of(part, others, samples=self.escape_samples)
         directions, margin = escape_directions(contacts, samples=self.escape_samples)
         for direction in directions:
-            if all(np.isinf(self.blocking.travel(part, np.zeros(3), direction, other)) for other in bits(others)):
-                removal = straight_removal(self.blocking, 1 << part, others, direction)
+            if all(np.isinf(free_travel(self.parts, part, np.zeros(3), direction, other)) for other in bits(others)):
+                removal = self.parts.straight_removal(1 << part, others, direction)
                 return self._free(part, remaining, removal, stage="contacts")
         if margin < -self.proof_margin:
             # a ridge lower than the tolerance touches too: this is a hint where a proof is to be had
@@ -60,6 +63,22 @@ class TranslationStage:
             return self._free(part, remaining, found.removal, stage=self.name)
         return self._blocked(found, stage=self.name)
 
+    def fewer_holders(self, part: int, holders: int, *, frees: Callable[[int], bool]) -> int:
+        """Return a smaller set of parts that provably hold a part, out of one that does; the same if none is proven.
+
+        Args:
+            part: The part that is held.
+            holders: Mask of the parts that hold it, as was proven.
+            frees: Whether a set of parts is known to let the part go: such a set is not looked at.
+        """
+        for other in reversed(bits(holders)):
+            rest = holders & ~(1 << other)
+            if rest and rest != holders and not frees(rest):
+                found = self.search.caged(part, bits(rest))
+                if found.proven:
+                    holders = sum(1 << k for k in found.blocked_by)
+        return holders
+
     def can_recall(self, found: Separation) -> bool:
         return True
 
@@ -68,8 +87,8 @@ class TranslationStage:
         return holders & ~others == 0 and (said.proven_for is not None or others & ~asked == 0)
 
     def _free(self, part: int, remaining: int, removal: Removal, *, stage: str) -> Separation:
-        absent = bits(self.blocking.all_parts & ~remaining)
-        hits = self.search.hit_by(part, removal, absent)
+        absent = bits(self.parts.all_parts & ~remaining)
+        hits = hit_by_removal(self.parts, part, removal, absent)
         return Separation(answer=Answer.FREE, removal=removal, hits=hits, stage=stage)
 
     def _blocked(self, found: TranslationResult, *, stage: str) -> Separation:

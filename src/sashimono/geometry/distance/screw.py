@@ -54,7 +54,7 @@ def between(T_a: Float[np.ndarray, "4 4"], T_b: Float[np.ndarray, "4 4"]) -> Flo
     return se3.log(T_b @ se3.inverse(T_a))
 
 
-def march_screw(
+def advance_along_screw(
     field: SignedDistance,
     points: Float[np.ndarray, "n 3"],
     twist: Float[np.ndarray, "6"],
@@ -73,12 +73,12 @@ def march_screw(
     screw = Screw.of(twist)
     points = np.ascontiguousarray(points, dtype=np.float64)
     frame = np.array([screw.axis, screw.point, screw.shift])
-    travel, steps = _march_screw(points, frame, screw.angle, limit, least_step, *field.arrays)
+    travel, steps = _advance_along_screw(points, frame, screw.angle, limit, least_step, *field.arrays)
     return float(travel), int(steps)
 
 
 @njit(cache=True, nogil=True)
-def _march_screw(points, frame, angle, limit, least_step, boxes, links, triangles, normals):
+def _advance_along_screw(points, frame, angle, limit, least_step, boxes, links, triangles, normals):
     # pragma: no cover - compiled
     axis, center, shift = frame[0], frame[1], frame[2]
     travel = np.inf

@@ -100,6 +100,8 @@ def _read_ascii(elements: list[_Element], body: bytes) -> dict[str, dict]:
                     at += 1
                 else:
                     length = int(words[at])
+                    if not 0 <= length < len(words) - at:
+                        raise ValueError(f"a list of its {element.name} list is not as long as it says")
                     rows[p.name].append([kind(w) for w in words[at + 1 : at + 1 + length]])
                     at += 1 + length
         tables[element.name] = {p.name: _column(rows[p.name], p) for p in element.properties}
@@ -121,7 +123,7 @@ def _read_binary(elements: list[_Element], body: bytes, encoding: str) -> dict[s
 
 
 def _binary_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dict, int]:
-    """Return one element's columns; in one stroke if all its lists are as long as in the first row."""
+    """Return one element's columns. If all its lists are as long as in the first row, NumPy reads them at once."""
     fields = []
     probe = at
     for p in element.properties:
@@ -153,6 +155,8 @@ def _binary_rows_one_by_one(element: _Element, body: bytes, at: int, order: str)
             length = 1
             if p.count_dtype is not None:
                 length = int(np.frombuffer(body, order + p.count_dtype, 1, at)[0])
+                if length < 0:  # which NumPy would take as "all the rest"
+                    raise ValueError(f"a list of its {element.name} list has {length} items")
                 at += np.dtype(p.count_dtype).itemsize
             values = np.frombuffer(body, order + p.dtype, length, at)
             at += values.nbytes

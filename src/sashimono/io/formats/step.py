@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
-import os
 import re
+import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from sashimono.errors import InputError
+from sashimono.io.formats import step_to_glb
 from sashimono.io.formats.gltf import Leaf, read_gltf
 from sashimono.io.formats.scenes import number_shapes, place
 from sashimono.io.mending.mend import closes
@@ -81,41 +80,25 @@ def _retry_open(leaves: list[Leaf], data: bytes, path: Path, config: ReadConfig)
 
 
 def _convert(data: bytes, config: ReadConfig, factor: float) -> tuple[bytes, str]:
-    """Return the file as GLB (empty if it cannot be read) and what the converter printed."""
-    import cascadio
+    """Return the file as GLB (empty if it cannot be read) and what the converter printed.
 
-    with _captured_output() as printed:
-        glb = cascadio.load(
-            data,
-            tol_linear=config.step_linear * factor,
-            tol_angular=config.step_angular * factor,
-            tol_relative=True,
-            merge_primitives=True,
-            use_parallel=False,
-        )
-    said = printed()
+    Raises RuntimeError if the converter cannot be run at all.
+    """
+    tolerances = (config.step_linear * factor, config.step_angular * factor)
+    with tempfile.TemporaryDirectory(prefix="sashimono-step-") as folder:
+        out = Path(folder, "out.glb")
+        # -P: the folder of the script is no place to import from
+        command = [sys.executable, "-P", step_to_glb.__file__, str(out), *map(repr, tolerances)]
+        done = subprocess.run(command, input=data, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+        said = re.sub(r"\x1b\[[\d;]*m", "", done.stdout.decode("utf-8", "replace")).strip()
+        if done.returncode > 0:
+            raise RuntimeError(f"the STEP converter cannot be run: {said}")
+        if done.returncode < 0:
+            said = f"{said}\nError: OpenCASCADE crashed on it (signal {-done.returncode})".strip()
+        glb = out.read_bytes() if done.returncode == 0 else b""
     if said:
         _log.debug("OpenCASCADE: %s", said)
     return glb, said
-
-
-@contextlib.contextmanager
-def _captured_output() -> Iterator[Callable[[], str]]:
-    """Keep what C++ code prints off the terminal; the value is a function that returns it afterwards."""
-    text: list[str] = []
-    with contextlib.ExitStack() as stack:
-        sink = stack.enter_context(tempfile.TemporaryFile())
-        for stream, descriptor in ((sys.stdout, 1), (sys.stderr, 2)):
-            with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or not there at all
-                stream.flush()
-            with contextlib.suppress(OSError):
-                saved = os.dup(descriptor)
-                stack.callback(os.close, saved)
-                os.dup2(sink.fileno(), descriptor)
-                stack.callback(os.dup2, saved, descriptor)
-        yield lambda: "".join(text)
-        sink.seek(0)
-        text.append(re.sub(r"\x1b\[[\d;]*m", "", sink.read().decode("utf-8", "replace")).strip())
 
 
 def _reason(said: str) -> str:

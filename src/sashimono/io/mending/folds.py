@@ -1,4 +1,4 @@
-"""Triangles folded back onto their neighbours: closed on paper, but between the two sheets nothing is inside.
+"""Triangles folded back onto their neighbours. The surface is closed, but there is nothing between the two sheets.
 
 CAD kernels leave them at slivers and at walls of no thickness. There the nearest face can tell the wrong side.
 """

@@ -25,9 +25,9 @@ class Surface:
     vertices: Float[np.ndarray, "vertex 3"]
     faces: Int[np.ndarray, "face 3"]
     mended: tuple[str, ...] = ()
-    """What was changed beyond welding equal vertices."""
+    """What was changed, apart from welding equal vertices."""
     unsure: Int[np.ndarray, "corner"] | None = None
-    """Vertices of shells whose winding was made consistent, so that inward and outward say nothing yet."""
+    """Vertices of shells whose winding was made consistent. Whether they point inward or outward is not known yet."""
     bodies: int = 1
     """Number of separate bodies, once that is known."""
 
@@ -92,7 +92,7 @@ def _merged_exactly(
 def _welded(
     vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"], tolerance: float
 ) -> Iterator[Surface]:
-    """Yield the mesh welded ever more boldly: as it is, equal vertices, equal within a solid, near ones."""
+    """Yield the mesh as it is, then with more and more welded: equal vertices, equal within a solid, near ones."""
     yield _compact(Surface(vertices=vertices, faces=faces))
     exact = _merged_exactly(vertices, faces)
     yield exact

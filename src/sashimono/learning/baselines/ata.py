@@ -21,8 +21,8 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.physics.search import PhysicsConfig
+from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.errors import InputError
 from sashimono.geometry.features.directions import DirectionConfig
@@ -32,8 +32,8 @@ from sashimono.learning.evaluate import probabilities_of_orders
 PLANNER = Algorithm1Config(physics=PhysicsConfig(axes="world", slippage_pushes=False), workers=1)
 """Algorithm 1 with the pushes of Assemble-Them-All."""
 
-RELATION = BlockingConfig(directions=DirectionConfig(total=3))
-"""Nothing asks for the blocking relation: three directions are the fewest."""
+PARTS = PlacedPartsConfig(directions=DirectionConfig(total=3))
+"""The pushes are along the world's axes: the fewest lines of the parts' own will do."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,8 +59,8 @@ class AtaPredictor:
     def order(self, assembly: Assembly) -> list[int]:
         """Return an assembly order, base part first; empty where the time or a budget ran out, or parts are stuck."""
         with _limited(self.seconds):
-            blocking = Blocking(assembly, make_bodies(assembly), config=RELATION)
-            found = plan_disassembly(blocking, config=self.planner)
+            parts = PlacedParts(assembly, make_bodies(assembly), config=PARTS)
+            found = plan_disassembly(parts, config=self.planner)
             if not found.stuck:
                 return [found.base, *(departure.part for departure in reversed(found.removals))]
         return []

@@ -7,7 +7,6 @@ number, so a run of so many steps that was killed and resumed is the uninterrupt
 from __future__ import annotations
 
 import logging
-import os
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -24,6 +23,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from torch import Tensor
 
 from sashimono.errors import InputError
+from sashimono.files import atomic_write
 from sashimono.learning.baselines.episode import Bench
 from sashimono.learning.baselines.picker import Picker, PickerConfig, PpoConfig
 from sashimono.learning.baselines.rl_env import AssemblySequence
@@ -128,9 +128,8 @@ def train_ppo(
             "optimizer": policy.optimizer.state_dict(),
             "done": {"steps": steps, "minutes": passed()},
         }
-        scratch = out / f"{CHECKPOINT}.tmp"
-        torch.save(content, scratch)
-        os.replace(scratch, out / CHECKPOINT)
+        with atomic_write(out / CHECKPOINT) as scratch:
+            torch.save(content, scratch)
         done = {"steps": steps, "states": steps, "minutes": round(passed(), 3)}
         write_weights(out / WEIGHTS, config, policy.picker.state_dict(), {**(card or {}), **done})
 

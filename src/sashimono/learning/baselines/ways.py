@@ -26,6 +26,7 @@ from sashimono.d4pas.states import Masks, right_next
 from sashimono.disassembly.blocking.relation import Blocking, BlockingConfig
 from sashimono.disassembly.conditions.clauses import minimal
 from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.learning.cloud_cache import CloudCache, Dataset
 
 VERSION = 1
@@ -73,15 +74,15 @@ def is_right_step(masks: Masks, ways: Ways, placed: int, part: int, axis: int) -
 def find_ways(assembly: Assembly) -> Ways:
     """Return the ways in of an assembly's parts, past the directions of level 1's blocking relation."""
     bodies = make_bodies(assembly)
-    blocking = Blocking(assembly, bodies, config=BlockingConfig())
+    blocking = Blocking(PlacedParts(assembly, bodies, config=PlacedPartsConfig()), config=BlockingConfig())
     axes = np.stack([_signed_axes(part.T_world_part, bodies[part.name]) for part in assembly.parts])
     blockers = []
     for part in range(len(blocking)):
         found: list[list[int]] = [[] for _ in range(AXES)]
-        for signed in _easiest_first(blocking, part):
-            cosines = axes[part] @ -blocking.direction(signed)  # it goes in against the way it leaves
+        for direction_index in _easiest_first(blocking, part):
+            cosines = axes[part] @ -blocking.direction(direction_index)  # it goes in against the way it leaves
             near = [axis for axis in range(AXES) if cosines[axis] > cosines.max() - TIE]
-            mask = _blockers(blocking, part, signed, [found[axis] for axis in near])
+            mask = _blockers(blocking, part, direction_index, [found[axis] for axis in near])
             for axis in near:
                 if mask is not None:
                     found[axis] = minimal([*found[axis], mask])
@@ -117,23 +118,23 @@ def share_without_axis(masks: Masks, ways: Ways, placed: Sequence[int] | np.ndar
 
 
 def _easiest_first(blocking: Blocking, part: int) -> list[int]:
-    """Signed directions, those first that the coarse maps say fewest parts stop."""
-    masks = [blocking.masks(part, signed) for signed in range(blocking.count_signed)]
+    """Direction indices, those first that the coarse maps say fewest parts stop."""
+    masks = [blocking.masks(part, direction_index) for direction_index in range(blocking.count_directions)]
     return sorted(range(len(masks)), key=lambda s: ((masks[s][0] | masks[s][1]).bit_count(), s))
 
 
-def _blockers(blocking: Blocking, part: int, signed: int, known: Sequence[Sequence[int]]) -> int | None:
-    """What stops a part along a signed direction; None as soon as each of the known lists has something better."""
-    blocked, unclear = blocking.masks(part, signed)
+def _blockers(blocking: Blocking, part: int, direction_index: int, known: Sequence[Sequence[int]]) -> int | None:
+    """What stops a part along a direction; None as soon as each of the known lists has something better."""
+    blocked, unclear = blocking.masks(part, direction_index)
 
     def is_vain() -> bool:
         return all(any(mask & blocked == mask for mask in masks) for masks in known)
 
-    for other in bits(blocking.all_parts & ~(1 << part) & ~blocked):
+    for other in bits(blocking.parts.all_parts & ~(1 << part) & ~blocked):
         if is_vain():
             return None
-        stopped = bool(unclear >> other & 1) and blocking.is_blocked_by(part, signed, other)
-        if stopped or not blocking.passes(part, signed, other):
+        stopped = bool(unclear >> other & 1) and blocking.is_blocked_by(part, direction_index, other)
+        if stopped or not blocking.passes(part, direction_index, other):
             blocked |= 1 << other
     return None if is_vain() else blocked
 

@@ -21,6 +21,25 @@ function addTwice(group, geometry, materials, place) {
   });
 }
 
+/** A ball about the origin; the bundle of three.js has no sphere. */
+function ball(radius, around = 32, along = 20) {
+  const normals = [], indices = [];
+  for (let row = 0; row <= along; row++) {
+    for (let column = 0; column <= around; column++) {
+      const polar = Math.PI * row / along, turn = 2 * Math.PI * column / around;
+      normals.push(Math.sin(polar) * Math.cos(turn), Math.cos(polar), -Math.sin(polar) * Math.sin(turn));
+      if (row === along || column === around) continue;
+      const a = row * (around + 1) + column, b = a + around + 1;
+      indices.push(a, b, a + 1, a + 1, b, b + 1);
+    }
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(normals.map((value) => value * radius)), 3));
+  geometry.setAttribute("normal", new THREE.BufferAttribute(new Float32Array(normals), 3));
+  geometry.setIndex(indices);
+  return geometry;
+}
+
 class Contacts {
   constructor(plan, bodies, sceneSize) {
     this.plan = plan;
@@ -30,30 +49,55 @@ class Contacts {
     this.group.matrixAutoUpdate = false;
     this.materials = contactMaterials(CONTACT_COLOR, 1);
     this.gripperMaterials = contactMaterials("#46525f", 0.5);
-    this.shown = -1;
+    this.forceMaterials = contactMaterials("#d9480f", 1);
+    this.supportMaterials = contactMaterials("#d9480f", 0.55);
+    this.shown = null;
   }
 
   update(t, k, visible, explode) {
     const step = this.plan.steps[k];
-    this.group.visible = Boolean(visible && step && step.contact && t < step.stop && t >= this.bodies.timeline.plannedFrom(k));
+    const contact = step && this.#acting(step, t);
+    this.group.visible = Boolean(visible && contact && t < step.stop && t >= this.bodies.timeline.plannedFrom(k));
     if (!this.group.visible) return;
-    if (this.shown !== k) this.#build(step);
-    this.shown = k;
+    if (this.shown !== contact) this.#build(step, contact);
+    this.shown = contact;
     this.group.matrix.copy(matrixOf(this.bodies.drawnPose(step.part, t, explode)));
     this.group.matrixWorldNeedsUpdate = true;
   }
 
-  #build(step) {
+  /** What acts at this time: the contact of the end of the way, or the grasp that brings the part there. */
+  #acting(step, t) {
+    if (!step.contact) return null;
+    return step.carry && t < step.contact.from ? step.carry : t >= step.contact.from ? step.contact : null;
+  }
+
+  #build(step, contact) {
     for (const mesh of this.group.children) mesh.geometry.dispose();
     this.group.clear();
-    const { kind, points, normals, gripper } = step.contact;
+    const { kind, points, normals, gripper, tipRadius, force, supports } = contact;
     const { boundingSphere } = this.bodies.items[step.part].mesh.geometry;
     const scale = Math.min(Math.max(boundingSphere.radius, 0.03 * this.sceneSize), 0.075 * this.sceneSize);
-    points.forEach((point, i) => this.#arrow(point, normals[i], scale * (kind === "push" ? 1.5 : 1)));
+    if (kind === "push" && force) {
+      this.#arrow(points[0], force[0], 1.6 * scale, this.forceMaterials);
+      const most = Math.max(...supports.forces.map((f) => Math.hypot(...f)), 1e-12);
+      supports.forces.forEach((f, i) => {
+        const share = Math.hypot(...f) / most;
+        if (share > 0.02) this.#arrow(supports.points[i], f, scale * (0.3 + 0.5 * share), this.supportMaterials);
+      });
+    } else {
+      points.forEach((point, i) => this.#arrow(point, normals[i], scale));
+    }
+    if (tipRadius) points.forEach((point, i) => this.#tip(point, normals[i], tipRadius));
     if (gripper && points.length >= 2) this.#gripper(gripper, points, scale);
   }
 
-  #arrow(point, normal, scale) {
+  /** A fingertip in its true size: a ball that touches the surface from outside. */
+  #tip(point, normal, radius) {
+    const center = new THREE.Vector3(...point).addScaledVector(new THREE.Vector3(...normal).normalize(), -radius);
+    addTwice(this.group, ball(radius), this.gripperMaterials, (mesh) => mesh.position.copy(center));
+  }
+
+  #arrow(point, normal, scale, materials = this.materials) {
     const inward = new THREE.Vector3(...normal).normalize();
     const turn = new THREE.Quaternion().setFromUnitVectors(Y_AXIS, inward);
     const put = (back) => (mesh) => {
@@ -63,9 +107,9 @@ class Contacts {
     const pad = new THREE.CylinderGeometry(0.2 * scale, 0.2 * scale, 0.05 * scale, 24);
     const head = new THREE.ConeGeometry(0.13 * scale, 0.36 * scale, 24);
     const shaft = new THREE.CylinderGeometry(0.048 * scale, 0.048 * scale, 0.55 * scale, 16);
-    addTwice(this.group, pad, this.materials, put(0.025 * scale));
-    addTwice(this.group, head, this.materials, put(0.23 * scale));
-    addTwice(this.group, shaft, this.materials, put(0.68 * scale));
+    addTwice(this.group, pad, materials, put(0.025 * scale));
+    addTwice(this.group, head, materials, put(0.23 * scale));
+    addTwice(this.group, shaft, materials, put(0.68 * scale));
   }
 
   #gripper(pose, points, scale) {

@@ -74,7 +74,8 @@ class Panel {
     const moves = plan.steps.filter((step) => step.poses.length > 1);
     const held = moves.filter((step) => step.contact).length;
     const complete = plan.status === "complete" && !plan.unsolved.length;
-    const badge = complete ? "Complete & verified" : `Partial: ${plan.unsolved.length} of ${plan.parts.length} parts unsolved`;
+    const unplanned = plan.status === "in place";
+    const badge = unplanned ? "Assembled pose, not planned" : complete ? "Complete & verified" : `Partial: ${plan.unsolved.length} of ${plan.parts.length} parts unsolved`;
     const figures = [
       ["Parts", String(plan.parts.length)], ["Steps", this.#count(plan.steps)],
       ["Held by a contact", `${held} of ${moves.length}`], ["Deepest overlap", deepest(moves)],
@@ -83,7 +84,7 @@ class Panel {
       element("dt", { textContent: name }), element("dd", { textContent: value }),
     ]));
     const header = element("header", {}, element("h1", { textContent: plan.title }),
-      element("span", { className: complete ? "badge" : "badge partial", textContent: badge }), list);
+      element("span", { className: complete || unplanned ? "badge" : "badge partial", textContent: badge }), list);
     const lists = element("div", { id: "lists" });
     if (plan.unsolved.length) {
       lists.append(element("h2", { textContent: "Unsolved" }), element("ol", {}, ...plan.unsolved.map((item) => this.#unsolvedRow(item))));

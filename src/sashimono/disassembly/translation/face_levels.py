@@ -1,4 +1,4 @@
-"""Where to halt on the way: displacements at which faces of the part come level with faces of an obstacle."""
+"""Where a leg may end: displacements at which faces of the part come level with faces of an obstacle."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.placed_parts import PlacedParts
 
 
-class Levels:
+class FaceLevels:
     """Coordinates of parts' flat faces along lines, worked out as they are asked for."""
 
-    def __init__(self, blocking: Blocking, *, most: int, grain: float) -> None:
-        """Keep, of one part along one line, the ends and the ``most`` largest faces; levels nearer than
-        ``grain``, relative to the part's smallest extent, are one."""
-        self._blocking = blocking
+    def __init__(self, parts: PlacedParts, *, most: int, grain: float) -> None:
+        """Keep the ends of a part along a line, and the levels of its ``most`` largest faces.
+
+        Levels nearer than ``grain``, relative to the part's smallest extent, are one.
+        """
+        self._parts = parts
         self._most = most
         self._grain = grain
         self._faces: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
@@ -28,8 +30,8 @@ class Levels:
         if key not in self._levels:
             normals, areas, centers = self._normals(part)
             across = np.abs(normals @ line) > 1.0 - 1e-6
-            ends = self._blocking.world_bounds_along(part, line)
-            merge = 1e-6 * float(self._blocking.sizes[part])
+            ends = self._parts.bounds_along(part, line)
+            merge = 1e-6 * float(self._parts.sizes[part])
             at, group = np.unique(np.round((centers[across] @ line - ends[0]) / merge), return_inverse=True)
             weight = np.bincount(group.reshape(-1), weights=areas[across], minlength=len(at))
             largest = at[np.argsort(-np.round(weight / areas.sum(), 9), kind="stable")[: self._most]]
@@ -40,7 +42,7 @@ class Levels:
         self, part: int, others: Sequence[int], lines: Float[np.ndarray, "line 3"]
     ) -> list[Float[np.ndarray, "_"]]:
         """Return, by line, how far the part must go along it for one of its faces to come level with an obstacle's."""
-        grain = self._grain * float(self._blocking.sizes[part])
+        grain = self._grain * float(self._parts.sizes[part])
         out = []
         for line in lines:
             own = self.of(part, line)
@@ -50,7 +52,7 @@ class Levels:
 
     def _normals(self, part: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if part not in self._faces:
-            triangles = self._blocking.vertices(part)[self._blocking.faces(part)]
+            triangles = self._parts.vertices[part][self._parts.faces[part]]
             normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
             areas = np.linalg.norm(normals, axis=1)
             fine = areas > 1e-12 * areas.max()
@@ -60,7 +62,7 @@ class Levels:
         return self._faces[part]
 
 
-def halts(
+def level_travels(
     differences: Sequence[Float[np.ndarray, "_"]],
     lines: Float[np.ndarray, "line 3"],
     offset: Float[np.ndarray, "3"],
@@ -70,7 +72,7 @@ def halts(
 ) -> Float[np.ndarray, "halt"]:
     """Return the travels, up to the given one, at which faces come level, from a displacement on [m].
 
-    Of more than ``most``, evenly many.
+    If there are more than ``most``, evenly spread ones are returned.
     """
     found = []
     for line, levels in zip(lines, differences, strict=True):

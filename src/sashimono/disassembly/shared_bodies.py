@@ -1,4 +1,4 @@
-"""What pairs of parts share in the assembled pose: a thread drawn as cylinders, or what a motion ploughs through."""
+"""The body that two parts share as assembled: a thread drawn as cylinders, or what a motion ploughs through."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.geometry.features.tube import SharedBody, Tube, TubeConfig, fit_tube, shared_body
 
 
@@ -26,16 +26,16 @@ class SharedConfig:
 class SharedBodies:
     """The bodies that pairs of parts of one assembly share."""
 
-    def __init__(self, blocking: Blocking, *, config: SharedConfig) -> None:
-        self.blocking = blocking
+    def __init__(self, parts: PlacedParts, *, config: SharedConfig) -> None:
+        self.parts = parts
         self.config = config
         self._bodies: dict[tuple[int, int], SharedBody | None] = {}
 
     def overlapping(self, part: int, others: Sequence[int]) -> list[int]:
         """Return the others that a part overlaps by more than touching it."""
-        table = self.blocking
-        least = self.config.least_depth * np.minimum(table.sizes[part], table.sizes)
-        return [other for other in others if table.allowances[part, other] > least[other]]
+        parts = self.parts
+        least = self.config.least_depth * np.minimum(parts.sizes[part], parts.sizes)
+        return [other for other in others if parts.overlaps[part, other] > least[other]]
 
     def tube(self, part: int, other: int, axis: Float[np.ndarray, "3"]) -> Tube | None:
         """Return the tube about an axis of this direction that two parts share, world frame; None if it is none."""
@@ -59,8 +59,8 @@ class SharedBodies:
         key = (min(part, other), max(part, other))
         if key not in self._bodies:
             first, second = key
-            table = self.blocking
+            parts = self.parts
             self._bodies[key] = shared_body(
-                table.bodies[first], table.bodies[second], table.poses[first], table.poses[second]
+                parts.bodies[first], parts.bodies[second], parts.poses[first], parts.poses[second]
             )
         return self._bodies[key]

@@ -1,8 +1,7 @@
-"""How far points travel along a straight line before one of them is too deep in a solid.
+"""Conservative advancement along a line: how far points travel before one of them is too deep in a solid.
 
-Outside, a point goes on to where its ray enters the solid. Inside, it is no deeper than its distance
-to any one triangle, so it may go as far as the triangle that was closest stays near enough: a slide
-along a wall is one step.
+Outside, a point goes on to where its ray enters the solid. Inside, it is no deeper than its distance to any one
+triangle. So it may go on for as long as the closest triangle stays near enough: a slide along a wall is one step.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from numba import njit
 from sashimono.geometry.distance.signed_distance import STACK_SIZE, SignedDistance, closest_on_triangle, nearest
 
 
-def march(
+def advance_straight(
     solid: SignedDistance,
     points: Float[np.ndarray, "n 3"],
     direction: Float[np.ndarray, "3"],
@@ -26,11 +25,11 @@ def march(
     """Return how far the points travel along a unit direction before one is deeper than ``limit`` [m].
 
     Points and direction are in the solid's frame. Infinite if no point gets too deep within ``length``.
-    Nothing is jumped but what lies deeper for less than ``least_step``.
+    It skips only what lies deeper for less than ``least_step``.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     direction = np.ascontiguousarray(direction, dtype=np.float64)
-    return march_points(points, direction, length, limit, least_step, *solid.arrays)
+    return advance_points(points, direction, length, limit, least_step, *solid.arrays)
 
 
 @njit(cache=True, nogil=True)
@@ -131,9 +130,9 @@ def _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals):  # 
 
 
 @njit(cache=True, nogil=True)
-def march_points(points, direction, length, limit, least_step, boxes, links, triangles, normals):
+def advance_points(points, direction, length, limit, least_step, boxes, links, triangles, normals):
     # pragma: no cover - compiled
-    """What `march` returns; for compiled callers."""
+    """What `advance_straight` returns; for compiled callers."""
     travel = np.inf
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from sashimono.disassembly.translation.flood import Scene
+from sashimono.disassembly.translation.lattice_flood import LatticeScene
 
 _BLOCK = 4
 """Lattice points along a block: what decides which points can meet need not be finer."""
@@ -28,7 +28,7 @@ class Drawn(NamedTuple):
         return shell(self.solid) + self.first
 
 
-class SceneBuilder:
+class LatticeSceneBuilder:
     """Takes in obstacles as they are drawn and keeps, of each pair, the side with fewer points that can meet at all.
 
     A small screw in a wide lid is told by the screw's points; sampled evenly, the lid's would miss it.
@@ -68,7 +68,7 @@ class SceneBuilder:
         self._boxes[bit] = box
         self._grids[bit] = obstacle if is_own else part
 
-    def finished(self) -> Scene | None:
+    def finished(self) -> LatticeScene | None:
         """Return the scene of all obstacles put in; None if none is met anywhere."""
         grids: dict[int, tuple[int, Drawn]] = {}  # many obstacles may share the part's
         size, start = 0, []
@@ -79,7 +79,7 @@ class SceneBuilder:
             start.append(0 if drawn is None else grids[id(drawn.solid)][0])
         if not grids:
             return None
-        return Scene(
+        return LatticeScene(
             points=np.concatenate([np.zeros((0, 3), np.int64), *self._points]).astype(np.int32),
             start=np.cumsum([0, *(len(points) for points in self._points)]),
             is_own=np.array(self._is_own, np.bool_),

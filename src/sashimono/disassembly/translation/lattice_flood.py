@@ -9,7 +9,7 @@ from jaxtyping import Bool, Int
 from numba import njit
 
 
-class Scene(NamedTuple):
+class LatticeScene(NamedTuple):
     """A part and its obstacles as lattice points, for the kernels.
 
     Whether the part, moved to a cell, meets obstacle b is told by the points ``start[b]`` to ``start[b + 1]``: points

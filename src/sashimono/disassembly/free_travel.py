@@ -1,0 +1,122 @@
+"""Free travel: how far a part goes straight before it is deeper in another one than tolerated.
+
+CAD has screws in bosses without a hole. Such a pair may overlap as deep on its way as assembled, but only until the
+two have parted. From there on the overlap excuses nothing: else a screw could leave through a wall no thicker than
+the hole that was left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.disassembly.placed_parts import PlacedParts
+from sashimono.geometry import se3
+from sashimono.geometry.body import Body, mutual_depth
+from sashimono.geometry.distance.advancement import advance_straight
+
+
+def free_travel(
+    parts: PlacedParts,
+    part: int,
+    offset: Float[np.ndarray, "3"],
+    direction: Float[np.ndarray, "3"],
+    other: int,
+    *,
+    length: float = np.inf,
+    tolerance: float | None = None,
+) -> float:
+    """Return how far a part goes along a direction before it is too deep in another one [m]; infinite if it passes.
+
+    Too deep is more than the pair overlaps as assembled, plus the tolerance.
+
+    Args:
+        parts: The placed parts.
+        part: The part that moves.
+        offset: Where it starts, from its assembled position [m].
+        direction: A unit vector.
+        other: The part that stays.
+        length: How far it is to go [m]; it passes if it gets so far.
+        tolerance: A depth [m]; that of translations if None.
+    """
+    a, b = parts.bodies[part], parts.bodies[other]
+    T_b_a = se3.inverse(parts.poses[other]) @ se3.make(None, offset) @ parts.poses[part]
+    step = parts.tolerances.least_step * parts.smaller_size(part, other)
+    along_b = parts.poses[other][:3, :3].T @ direction
+    length = min(length, _travel_past_box(a, b, T_b_a, along_b))
+    if length <= 0.0:
+        return np.inf
+    bare = parts.tolerances.translation * parts.scale(part, other) if tolerance is None else tolerance
+    limit = bare + float(parts.overlaps[part, other])
+    travel = _advance_both(a, b, T_b_a, along_b, length=length, limit=limit, least_step=step)
+    if travel == 0.0 or parts.overlaps[part, other] <= bare:
+        return travel
+    # once the two have parted, the bare tolerance holds
+    length = min(length, travel)
+    parted = parting_travel(a, b, T_b_a, along_b, length=length, tolerance=bare, least_step=step)
+    T_b_a = se3.make(None, parted * along_b) @ T_b_a
+    rest = _advance_both(a, b, T_b_a, along_b, length=length - parted, limit=bare, least_step=step)
+    return min(travel, parted + rest)
+
+
+def parting_travel(
+    moving: Body,
+    fixed: Body,
+    T_fixed_moving: Float[np.ndarray, "4 4"],
+    direction_fixed: Float[np.ndarray, "3"],
+    *,
+    length: float,
+    tolerance: float,
+    least_step: float,
+) -> float:
+    """Return how far the moving body goes before the two are first less than ``tolerance`` deep in each other [m].
+
+    A depth of d cannot vanish within d - tolerance, so that much is skipped at once.
+
+    Args:
+        moving: The body that moves.
+        fixed: The body that stays.
+        T_fixed_moving: Where the moving body starts.
+        direction_fixed: A unit vector in the fixed body's frame.
+        length: The most that is returned [m].
+        tolerance: Depth [m].
+        least_step: Shortest step [m].
+    """
+    travel = 0.0
+    while travel < length:
+        T = se3.make(None, travel * direction_fixed) @ T_fixed_moving
+        depth = mutual_depth(moving, fixed, T)
+        if depth <= tolerance:
+            return travel
+        travel += max(depth - tolerance, least_step)
+    return length
+
+
+def _travel_past_box(a: Body, b: Body, T_b_a: Float[np.ndarray, "4 4"], along_b: Float[np.ndarray, "3"]) -> float:
+    """Return how far a must go along the direction until all of it is past all of b, as seen along it [m]."""
+    back = float((se3.apply(T_b_a, a.vertices) @ along_b).min())
+    front = float((b.vertices @ along_b).max())
+    return front - back
+
+
+def _advance_both(
+    a: Body,
+    b: Body,
+    T_b_a: Float[np.ndarray, "4 4"],
+    along_b: Float[np.ndarray, "3"],
+    *,
+    length: float,
+    limit: float,
+    least_step: float,
+) -> float:
+    """Return how far a goes in b's frame before a probe of either is too deep in the other; infinite if it passes."""
+    points = se3.apply(T_b_a, a.probes)
+    first = advance_straight(b.signed_distance, points, along_b, length=length, limit=limit, least_step=least_step)
+    if first == 0.0:
+        return 0.0
+    T_a_b = se3.inverse(T_b_a)
+    points, back = se3.apply(T_a_b, b.probes), -(T_a_b[:3, :3] @ along_b)
+    length = min(length, first)
+    return min(
+        first, advance_straight(a.signed_distance, points, back, length=length, limit=limit, least_step=least_step)
+    )

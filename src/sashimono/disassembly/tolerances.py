@@ -1,0 +1,46 @@
+"""How deep a moving part may go into the others: one value for all stages, held under what the check of a plan allows.
+
+All depths are measured beyond the overlap that the pair has in the assembled pose, and are given over the scale of
+the pair (`PlacedParts.scale`): the smaller part's smallest extent, or less where either part has thin walls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from sashimono.errors import SashimonoError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """Depths that motions may reach, over the scale of the pair. No stage may go as deep as a plan may.
+
+    The margin between the two covers what probes do not see between them. It is a quarter of the plan's tolerance
+    for translations, and five eighths for motions that turn.
+    """
+
+    plan: float = 0.02
+    """What a finished plan may reach: at most the `relative_tolerance` of the independent check. Proofs that a part
+    is held are true for motions up to this depth."""
+    translation: float = 0.015
+    """What a translation may reach where it is traced."""
+    turning: float = 0.0075
+    """What a motion that turns may reach where it is followed. Half of what translations may: paths that use it up
+    (out of the last turn of a thread) hit between probes."""
+    declared: float = 0.015
+    """What the turn of a declared thread may reach."""
+    thin_walls: float = 20.0
+    """A pair's scale is at most so many thicknesses of either part's thin walls: shells never slip through."""
+    least_step: float = 1.0 / 64.0
+    """Shortest step of tracing along a wall that the part slides on, over the smaller part's smallest extent."""
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            if not getattr(self, entry.name) > 0.0:
+                raise SashimonoError(f"tolerances: {entry.name} must be positive, is {getattr(self, entry.name)}")
+        for name in ("translation", "turning", "declared"):
+            if not getattr(self, name) < self.plan:
+                raise SashimonoError(
+                    f"tolerances: {name} ({getattr(self, name)}) must be less than plan ({self.plan}), or the check "
+                    "of the plan refuses what the planner finds"
+                )
