@@ -165,8 +165,8 @@ def hook(is_open: bool) -> tuple[Manifold, Manifold]:
 
 def ring_over_bar(is_open: bool) -> tuple[Manifold, Manifold]:
     """A ring about a post under a bar longer than the ring is wide: one end of the bar through first, aslant."""
-    head = span((-10.4, 10.4), (-1.5, 1.5), (18, 20)) if is_open else rod(12.0, (18.0, 20.0))
-    post = rod(16.0, (-4.0, 0.0)) + rod(1.5, (-1.0, 19.0), segments=32) + head
+    head = span((-10.2, 10.2), (-1, 1), (9, 10.5)) if is_open else rod(12.0, (9.0, 10.5))
+    post = rod(16.0, (-4.0, 0.0)) + rod(1.2, (-1.0, 10.0), segments=24) + head
     return post, (rod(13.0, (0.05, 3.0)) - rod(10.0, (-1.0, 4.0))).translate((1.0, 0.0, 0.0))
 
 

@@ -24,7 +24,9 @@ from sashimono.disassembly.tilting.contact_surface import ContactSurface
 from sashimono.disassembly.tilting.exits import straight_exit
 from sashimono.disassembly.tilting.sliding import SlideConfig, Wanted, slide
 from sashimono.geometry import se3
+from sashimono.geometry.distance.screw import between
 from sashimono.geometry.features.directions import sphere_directions
+from sashimono.geometry.overlap import intersection_depth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +63,10 @@ class TiltConfig:
     """Share of the others that turn about the axis of a round face."""
     most_axes: int = 3
     """Axes taken of one part."""
+    boolean_spacing: float = 0.04
+    """Way between two poses at which a found path is looked at by booleans, over the part's radius."""
+    booleans: int = 12
+    """Most such poses on one stretch."""
     shortcuts: int = 30
     """Attempts to shorten a path that was found."""
     seed: int = 0
@@ -216,13 +222,35 @@ class _Search:
             return None
         branch = self.tree.branch(node)
         for k, after in pairwise(branch):
-            if not self.paths.check(np.array([self.tree.poses[k], self.tree.poses[after]])):
+            if not self._holds(self.tree.poses[k], self.tree.poses[after]):
                 self.tree.cut(after)
                 return None
         displacements = np.array([*self._shortened([self.tree.poses[k] for k in branch]), found[0]])
-        if not self.paths.parts_once(displacements):
+        if not (self._shares_little(displacements[-2], found[0]) and self.paths.parts_once(displacements)):
             return None
         return Removal(displacements=displacements, exit_direction=found[1])
+
+    def _holds(self, a: Float[np.ndarray, "4 4"], b: Float[np.ndarray, "4 4"]) -> bool:
+        """Return whether the part can follow the geodesic: by the exact check's probes, and by booleans."""
+        return self.paths.check(np.array([a, b])) and self._shares_little(a, b)
+
+    def _shares_little(self, a: Float[np.ndarray, "4 4"], b: Float[np.ndarray, "4 4"]) -> bool:
+        """Return whether the bodies shared with the others at some poses of the geodesic are as thin as tolerated.
+
+        Where two edges cross, no probe tells how deep.
+        """
+        paths, parts, config = self.paths, self.paths.parts, self.config
+        twist = between(a, b)
+        count = int(np.clip(np.ceil(paths.distance(a, b) / (config.boolean_spacing * self.radius)), 1, config.booleans))
+        for u in np.arange(1, count + 1) / count:
+            D = se3.exp(u * twist) @ a
+            for other in paths.near(D):
+                limit = parts.limit(paths.part, other, parts.tolerances.translation)
+                T = se3.inverse(parts.poses[other]) @ D @ paths.T_assembled
+                depth = intersection_depth(paths.body, parts.bodies[other], T)
+                if depth is not None and depth > limit:
+                    return False
+        return True
 
     def _draw_motion(self) -> tuple[int, Wanted]:
         """A node where few are, the less the oftener it was drawn, and a motion at random."""
@@ -332,11 +360,7 @@ class _Search:
                 continue
             through = sum(length(a, b) for a, b in pairwise(poses[i : j + 1]))
             turn = np.linalg.norm(se3.log_so3(poses[i][:3, :3].T @ poses[j][:3, :3]))
-            if (
-                turn < 0.8 * np.pi
-                and length(poses[i], poses[j]) <= through
-                and self.paths.check(np.array([poses[i], poses[j]]))
-            ):
+            if turn < 0.8 * np.pi and length(poses[i], poses[j]) <= through and self._holds(poses[i], poses[j]):
                 poses = [*poses[: i + 1], *poses[j:]]
             if len(poses) == 2:
                 break
