@@ -340,6 +340,13 @@ def test_training_ours_writes_the_network_that_infer_takes(tmp_path: Path) -> No
     blueprint = data().blueprints[0]
     found = infer(blueprint.parts, assembly_clouds(blueprint.assembly(), network.relations), network)
     assert sorted(found.order) == sorted(blueprint.parts)
+    # its card learns what it is worth
+    options: dict[str, Any] = {"device": "cpu", "clouds": CLOUDS, "states": 2, "timed": 1, "with_heuristics": False}
+    weights = tmp_path / "run" / "weights.npz"
+    evaluate_command([weights], tmp_path / "figures", data=data, splits=("val",), cache=tmp_path, **options)
+    card = json.loads((tmp_path / "run" / "network" / "card.json").read_text(encoding="utf-8"))
+    assert card["figures"]["val"]["blueprints"] > 0
+    assert 0.0 <= card["figures"]["val"]["sequence"] <= 1.0
 
 
 @pytest.mark.slow

@@ -254,6 +254,7 @@ def evaluate_command(
     from sashimono.learning.cloud_cache import make_cache
     from sashimono.learning.devices import find_place
     from sashimono.learning.evaluate import evaluate, heuristics, over_seeds, write_evaluation
+    from sashimono.learning.export import note_figures
     from sashimono.learning.predictor import NetworkPredictor
     from sashimono.learning.registry import BY_REWARD, prepared
     from sashimono.learning.report import group_table, table_one
@@ -261,7 +262,8 @@ def evaluate_command(
 
     dataset = data() if callable(data) else load_data(data)
     made = make_cache(dataset, cache or out, config=clouds, workers=workers)
-    read = {name: read_weights(path) for name, path in _names(models).items()}
+    read_from = _names(models)
+    read = {name: read_weights(path) for name, path in read_from.items()}
     made = prepared(made, dataset, [weights.config.kind for weights in read.values()], workers=workers)
     rows = np.concatenate([made.split(split, limit=limit) for split in splits])
     out.mkdir(parents=True, exist_ok=True)
@@ -297,6 +299,7 @@ def evaluate_command(
             else:
                 options = {"batch": config.batch, "precision": config.precision}
                 judge({name: NetworkPredictor(model=model, clouds=tensors, **options)})
+                note_figures(read_from[name].parent / "network", found[name])
     for name, seeds in policies.items():
         if len(seeds) > 1:
             found[name] = over_seeds(name, [found[title] for title in seeds])

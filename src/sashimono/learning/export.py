@@ -17,7 +17,9 @@ from torch import Tensor, nn
 
 from sashimono import __version__
 from sashimono.errors import InputError
+from sashimono.files import atomic_write
 from sashimono.learning.config_files import TrainConfig, to_values
+from sashimono.learning.evaluate import Evaluation
 from sashimono.learning.posed import Encoded, Posed
 from sashimono.learning.relations import (
     LINE_FEATURES,
@@ -60,7 +62,27 @@ def write_card(folder: Path, config: TrainConfig, card: Mapping[str, Any], relat
         "training": to_values(config),
         "weights": dict(card),
     }
-    (folder / "card.json").write_text(json.dumps(value, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    _save_card(folder / "card.json", value)
+
+
+def note_figures(folder: Path, evaluation: Evaluation) -> None:
+    """Write what an evaluation found into the card of a network, by split; no card there: nothing."""
+    path = folder / "card.json"
+    if not path.is_file():
+        return
+    card = json.loads(path.read_text(encoding="utf-8"))
+    for split, found in evaluation.by_split.items():
+        card.setdefault("figures", {})[split] = {
+            "data": evaluation.data,
+            "blueprints": int(found["blueprints"].value),
+            **{name: round(found[name].value, 4) for name in ("argmax", "expected", "sequence", "sequence_exchange")},
+        }
+    _save_card(path, card)
+
+
+def _save_card(path: Path, value: Mapping[str, Any]) -> None:
+    with atomic_write(path) as partial:
+        partial.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def write_graphs(model: Posed, folder: Path, relations: RelationConfig) -> None:
