@@ -23,6 +23,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
     {"errors", "files"},
+    {"selection"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
@@ -49,7 +50,7 @@ ROOMS = {
         {"mending"},
         {"formats"},
         {"plan_schema"},
-        {"checks", "plan_json", "resting_file"},
+        {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
     ],
     "disassembly": [
