@@ -85,7 +85,11 @@ class Cascade:
         return Inquiry(self.stages, self._ask, max_traced=self.config.max_traced)
 
     def conditions(self, *, reachable_only: bool = False) -> RemovalConditions:
-        """Return every part's removal conditions; see `find_conditions`."""
+        """Return every part's removal conditions; see `find_conditions`.
+
+        Tilting is not asked: its "no" proves nothing, and takes seconds for each pair that holds itself.
+        """
+        asked = tuple(stage for stage in self.stages if stage not in (self.directions, self.tilting))
         return find_conditions(
             self.assembly.names,
             self.directions,
@@ -93,6 +97,7 @@ class Cascade:
             translations=self.translations,
             fewer_holders=self.translations.fewer_holders,
             physics=self.physics,
+            for_pairs=asked,
             config=self.config,
             reachable_only=reachable_only,
         )
