@@ -158,14 +158,8 @@ class _Attempt:
     @property
     def worth(self) -> tuple[int, int]:
         """How many parts are placed, and for how many of the steps there is a contact."""
-        steps = [inner for step in self.steps for inner in _all_steps(step)]
+        steps = [inner for step in self.steps for inner in step.all_steps]
         return len(placed_parts(self.steps)), sum(step.contact is not None for step in steps)
-
-
-def _all_steps(step: Step) -> Iterator[Step]:
-    yield step
-    for inner in () if step.subassembly is None else step.subassembly.steps:
-        yield from _all_steps(inner)
 
 
 def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolved:
@@ -276,7 +270,7 @@ class _Judge:
 
     def contactless(self, steps: Sequence[Step]) -> frozenset[Refusal]:
         """Return the departures of the steps that move and have no contact, inside subassemblies too."""
-        every = [inner for step in steps for inner in _all_steps(step)]
+        every = [inner for step in steps for inner in step.all_steps]
         return frozenset(
             self._departures[step.part].path_refusal
             for step in every
