@@ -35,6 +35,7 @@ def plan_and_write(
     motion: str = "removal",
     resting: Path | None = None,
     declare_threads: bool = False,
+    hands: int = 2,
     copy_input: bool = False,
 ) -> int:
     """Read an input, plan it, write the results and say what came of it; return the exit status.
@@ -53,6 +54,7 @@ def plan_and_write(
         motion: How parts get there: by their removal reversed, or by RRT-Connect all the way.
         resting: A file with the table and resting poses of parts; None to lay all out.
         declare_threads: Whether screws drawn without ridges are turned in.
+        hands: How many hands there are.
         copy_input: Whether a copy of the input is written beside the plan.
     """
     from sashimono.console import progress_display, summary_lines
@@ -78,6 +80,7 @@ def plan_and_write(
             gripper=tool,
             grippers=asked,
             contacts=contacts,
+            hands=hands,
             motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion)),
         )
         found = plan_assembly(assembly, config=config, seed=seed, resting=waiting, progress=progress)

@@ -293,6 +293,25 @@ class AssemblyPlan:
         return html_table(repr(self), ("step", "part", "motion", "contact"), rows)
 
     @property
+    def verdict(self) -> str:
+        """What the plan is worth, in figures: motions, contacts, most parts held at once, what is in a fixture."""
+        moving = [step for step in self.all_steps if step.moves]
+        words = [
+            f"motions {len(moving)}/{len(moving) + len(self.unsolved)}",
+            f"contacts {sum(step.contact is not None for step in moving)}/{len(moving)}",
+        ]
+        if self.executable is not None:
+            below = [step.subassembly for step in self.all_steps if step.subassembly is not None]
+            fixtures = [fixture for fixture in (self.fixture, *(each.fixture for each in below)) if fixture is not None]
+            parts = [name for fixture in fixtures for name in fixture.parts]
+            words += [
+                f"held {max((len(step.held) for step in self.all_steps), default=0)}",
+                f"fixture {few_words(parts) if parts else 'none'}",
+                "executable" if self.executable else f"not executable with {self.hands} hands",
+            ]
+        return " · ".join(words)
+
+    @property
     def all_steps(self) -> tuple[Step, ...]:
         """Every step, each followed by those inside its subassembly."""
         return tuple(inner for step in self.steps for inner in step.all_steps)

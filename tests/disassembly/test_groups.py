@@ -257,5 +257,6 @@ def test_the_files_show_all_members(plan: AssemblyPlan, tmp_path: Path) -> None:
 def test_the_summary_names_the_members(plan: AssemblyPlan) -> None:
     lines = summary_lines(plan, PARTS)
     assert lines[0] == "complete and verified: 4 of 4 parts placed"
-    assert "subassembly of 2: front, back, along" in lines[3]
-    assert len(lines) == 6
+    assert lines[1].startswith("motions 3/3 · contacts ")
+    assert "subassembly of 2: front, back, along" in lines[4]
+    assert len(lines) == 7

@@ -117,8 +117,14 @@ def test_what_is_held_already_is_preferred() -> None:
 
 
 def test_a_spent_budget_says_so() -> None:
-    posts = {f"post{k}": box((0.01, 0.01, 0.05), (0.03 * k, 0.0, 0.0)) for k in range(4)}
-    bar = {"bar": box((0.12, 0.01, 0.01), (0.045, 0.0, 0.03))}
-    found = holding(assembly(**posts, **bar), -1.0, config=StabilityConfig(max_programs=2))
-    assert not found.fewest
-    assert found.held == tuple(posts)
+    # each cube stands on the one below, both together tip: one of them is held, whichever
+    post = box((0.02, 0.02, 0.02), (0.0, 0.0, 0.01))
+    low, high = (box((0.02, 0.02, 0.02), (0.008 * k, 0.0, 0.01 + 0.02 * k)) for k in (1, 2))
+    parts = assembly(post=post, low=low, high=high)
+    assert holding(parts, 0.0, placed=["post", "low"]).held == ()
+    found = holding(parts, 0.0, fixed=["post"])
+    assert found.fewest
+    assert len(found.held) == 1
+    spent = holding(parts, 0.0, fixed=["post"], config=StabilityConfig(max_programs=0))
+    assert not spent.fewest
+    assert len(spent.held) == 1

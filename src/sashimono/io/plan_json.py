@@ -114,9 +114,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
 
 
 def _executable_document(plan: AssemblyPlan) -> dict[str, Any]:
-    """What was found of support and gravity; nothing where these were not looked at, as in older plans."""
-    if plan.executable is None and plan.fixture is None:
-        return {}
+    """What was found of support and gravity, as far as these were looked at."""
     out: dict[str, Any] = {"hands": plan.hands}
     if plan.fixture is not None:
         out["fixture"] = _fixture_document(plan.fixture)

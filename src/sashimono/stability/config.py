@@ -32,5 +32,5 @@ class StabilityConfig:
     """Weight that every part has at least, over the heaviest: what keeps the linear programs well scaled."""
     tolerance: float = 0.01
     """Imbalance that is accepted, over a part's weight and, for torques, its radius."""
-    max_programs: int = 80
+    max_programs: int = 40
     """Linear programs for one connected set of parts; when they are spent, the held parts are few, not the fewest."""

@@ -48,37 +48,40 @@ def _named(group: Sequence[str], preferred: Sequence[str]) -> str:
 
 
 def _fewest(component: Component, preferred: Sequence[str], config: StabilityConfig) -> tuple[tuple[int, ...], bool]:
-    """Groups to hold, and whether these are the fewest: sets of none, one, two, ... in a promising order."""
+    """Groups to hold, and whether these are the fewest: what must be held anyway, and one more, two more, ..."""
     count = len(component.groups)
-    if component.wrenches.shape[1] == 0:  # touches nothing
+    if component.forces == 0:  # touches nothing
         return tuple(range(count)), True
     left = component.imbalance()
     if left.sum() <= config.tolerance:
         return (), True
-    if count == 1:
-        return (0,), True
+    needed = component.needed()
     wanted = [any(name in preferred for name in group) for group in component.groups]
-    order = sorted(range(count), key=lambda k: (not wanted[k], -round(float(left[k]), 6), k))
-    # what alone leaves most unbalanced comes first, after what is in a hand anyway
-    programs = 1
-    for size in range(1, count):
-        for groups in combinations(order, size):
+    # first what is in a hand anyway, then what is least balanced
+    order = sorted(
+        (k for k in range(count) if k not in needed), key=lambda k: (not wanted[k], -round(float(left[k]), 6), k)
+    )
+    programs = 0
+    for size in range(count - len(needed)):
+        if size == 0 and not needed:
+            continue
+        for more in combinations(order, size):
             if programs >= config.max_programs:
-                return _few(component, config), False
+                return _few(component, needed), False
             programs += 1
-            if component.stands(groups, config):
-                return groups, True
+            if component.stands((*needed, *more)):
+                return (*needed, *more), True
     return tuple(range(count)), True
 
 
-def _few(component: Component, config: StabilityConfig) -> tuple[int, ...]:
+def _few(component: Component, needed: Sequence[int]) -> tuple[int, ...]:
     """Hold, again and again, what is least balanced; then let go of what need not be held."""
-    held: list[int] = []
-    while (left := component.imbalance(held)).sum() > config.tolerance and len(held) < len(component.groups):
+    held = list(needed)
+    while (left := component.imbalance(held)).sum() > component.tolerance:
         free = [k for k in range(len(left)) if k not in held]
         held.append(free[int(np.argmax(left[free]))])
-    for k in tuple(held):
+    for k in held[len(needed) :]:
         without = [other for other in held if other != k]
-        if component.stands(without, config):
+        if component.stands(without):
             held = without
     return tuple(held)

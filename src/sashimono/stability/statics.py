@@ -12,7 +12,7 @@ unless two fastened parts clamp what lies between them.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -21,7 +21,6 @@ from scipy.optimize import linprog
 from scipy.sparse import csc_array, eye_array, hstack
 
 from sashimono.plan import Table
-from sashimono.stability.config import StabilityConfig
 from sashimono.stability.touching import Touch, Touching
 
 
@@ -35,6 +34,15 @@ class Component:
     """(6 a group, forces): what each unit force does to each group, over the group's weight and radius."""
     wanted: Float[np.ndarray, "row"]
     """What the forces must add up to."""
+    tolerance: float
+    """Imbalance that is accepted, in sum."""
+    alone: dict[tuple[tuple[str, ...], bytes], bool] = field(default_factory=dict)
+    """Which groups balance while all others are held, as far as that was asked, by what pushes them."""
+
+    @property
+    def forces(self) -> int:
+        """How many unit forces there are."""
+        return len(self.wrenches.indptr) - 1
 
     def imbalance(self, held: Collection[int] = ()) -> Float[np.ndarray, "group"]:
         """Return what stays unbalanced of each group if these are held, least in sum, over weight and radius.
@@ -45,7 +53,7 @@ class Component:
         cost = np.ones((len(self.groups), 6))
         cost[list(held)] = 0.0
         cost = cost.reshape(-1)
-        forces = self.wrenches.shape[1]
+        forces = self.forces
         # none of the forces costs anything; what they leave over does
         answer = linprog(
             np.concatenate([np.zeros(forces), cost, cost]),
@@ -58,9 +66,23 @@ class Component:
         left = answer.x[forces : forces + rows] + answer.x[forces + rows :]
         return (cost * left).reshape(-1, 6).sum(axis=1)
 
-    def stands(self, held: Collection[int], config: StabilityConfig) -> bool:
+    def needed(self) -> list[int]:
+        """Return the groups that do not balance though all others are held: each of them must be held itself."""
+        out = []
+        for k in range(len(self.groups)):
+            block = self.wrenches[6 * k : 6 * k + 6]
+            block = block[:, np.unique(block.nonzero()[1])].toarray()
+            key = (self.groups[k], block.tobytes())
+            if key not in self.alone:
+                one = replace(self, groups=(self.groups[k],), wrenches=csc_array(block), wanted=self.wanted[:6])
+                self.alone[key] = one.stands()
+            if not self.alone[key]:
+                out.append(k)
+        return out
+
+    def stands(self, held: Collection[int] = ()) -> bool:
         """Return whether all others balance if these groups are held."""
-        return bool(self.imbalance(held).sum() <= config.tolerance)
+        return bool(self.imbalance(held).sum() <= self.tolerance)
 
 
 class Statics:
@@ -71,6 +93,7 @@ class Statics:
         self.touching = touching
         self.table = table
         self.config = touching.config
+        self._alone: dict[tuple[tuple[str, ...], bytes], bool] = {}
 
     def components(self, placed: Sequence[str], fixed: Collection[str] = ()) -> list[Component]:
         """Return the free groups of these placed parts, by what hangs together; ``fixed`` is in the fixture."""
@@ -101,14 +124,13 @@ class Statics:
         """Touching points of each pair of groups, and whether one clamps the other."""
         found = {}
         for (i, first), (j, second) in combinations(enumerate(groups), 2):
-            pairs = [(a, b, self.touching.between(a, b)) for a in first for b in second]
-            pairs = [pair for pair in pairs if len(pair[2].points)]
-            if pairs:
-                points = np.concatenate([touch.points for _, _, touch in pairs])
-                normals = np.concatenate([touch.normals for _, _, touch in pairs])
-                counts = [len(touch.points) for _, _, touch in pairs]
-                owners = [np.repeat([pair[side] for pair in pairs], counts) for side in (0, 1)]
-                clamped = any(self._clamps(normals, owner) for owner in owners)
+            pairs = [(m, n) for m in range(len(first)) for n in range(len(second))]
+            touching = [self.touching.between(first[m], second[n]) for m, n in pairs]
+            if any(len(touch.points) for touch in touching):
+                points = np.concatenate([touch.points for touch in touching])
+                normals = np.concatenate([touch.normals for touch in touching])
+                owners = np.repeat(np.array(pairs), [len(touch.points) for touch in touching], axis=0)
+                clamped = any(self._clamps(normals, owner) for owner in owners.T)
                 found[i, j] = (Touch(points, normals), clamped)
         return found
 
@@ -156,6 +178,8 @@ class Statics:
             groups=tuple(groups[k] for k in members),
             wrenches=csc_array(np.concatenate(columns, axis=1)),
             wanted=wanted,
+            tolerance=self.config.tolerance,
+            alone=self._alone,
         )
 
     def _mass(self, group: Sequence[str]) -> tuple[float, np.ndarray, float]:

@@ -17,6 +17,8 @@ from sashimono.stability.config import StabilityConfig
 _INSET = 1e-3
 """How far a face's corners are moved into it, over the way to its centre: so that a corner has one normal."""
 _MOST_CORNERS = 6000
+_STEADY = 0.95
+"""Least cosine between gradients a gap apart that belong to one smooth stretch of surface."""
 
 
 class Touch(NamedTuple):
@@ -110,8 +112,23 @@ class Touching:
         if not len(points):
             return points, normals
         d, n = other.signed_distance.normals(seen[near], 1.01 * gap)
-        touching = (np.abs(d) <= gap) & ((n * (normals @ R.T)).sum(axis=1) < -self.config.facing)
-        return points[touching], n[touching] @ R
+        outward = normals @ R.T
+        touching = (np.abs(d) <= gap) & ((n * outward).sum(axis=1) < -self.config.facing)
+        seen, n, outward = seen[near][touching], n[touching], outward[touching]
+        on_face = _on_faces(seen, n, other, gap)
+        return points[touching], np.where(on_face[:, None], n, -outward) @ R
+
+
+def _on_faces(points: np.ndarray, normals: np.ndarray, body: Body, gap: float) -> np.ndarray:
+    """Which of the points have a face of the body nearest to them, and no edge: there the gradient of the distance does
+    not turn. Next to an edge it leans to wherever the point happens to lie, and says nothing of the surface."""
+    across = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    steady = np.ones(len(points), dtype=bool)
+    for way in (across, -across, np.cross(normals, across), -np.cross(normals, across)):
+        _, turned = body.signed_distance.normals(points + gap * way, 4.0 * gap)
+        steady &= (turned * normals).sum(axis=1) > _STEADY
+    return steady
 
 
 def _box_corners(body: Body) -> np.ndarray:
