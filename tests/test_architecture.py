@@ -27,6 +27,7 @@ LEVELS = [
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
+    {"stability"},
     {"disassembly"},
     {"motion"},
     {"contact"},
@@ -69,7 +70,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "disassembly", "motion", "contact", "tree"}
+ALGORITHMS = {"geometry", "stability", "disassembly", "motion", "contact", "tree"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}
