@@ -26,6 +26,7 @@ LEVELS = [
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
+    {"fasteners"},
     {"disassembly"},
     {"motion"},
     {"contact"},
@@ -52,6 +53,7 @@ ROOMS = {
         {"checks", "plan_json", "resting_file"},
         {"read"},
     ],
+    "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
@@ -68,7 +70,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "disassembly", "motion", "contact", "tree"}
+ALGORITHMS = {"geometry", "fasteners", "disassembly", "motion", "contact", "tree"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}
