@@ -23,6 +23,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
     {"errors", "files"},
+    {"selection"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
@@ -50,7 +51,7 @@ ROOMS = {
         {"mending"},
         {"formats"},
         {"plan_schema"},
-        {"checks", "plan_json", "resting_file"},
+        {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
     ],
     "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
@@ -60,7 +61,7 @@ ROOMS = {
         {"free_travel"},
         {"paths", "shared_bodies"},
         {"blocking"},
-        {"translation", "threads", "physics"},
+        {"translation", "threads", "physics", "tilting"},
         {"config", "inquiry"},
         {"conditions"},
         {"cascade"},

@@ -85,6 +85,8 @@ class Source:
     """Unit of the source coordinates ("m", "mm", ...); the assembly itself is in metres."""
     split: Literal["auto", "all", "none"] = "none"
     """Which parts of several solids were taken apart (`ReadConfig.split`)."""
+    excluded: tuple[str, ...] = ()
+    """Parts that were left out (`ReadConfig.exclude`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ import typer
 from sashimono import __version__
 from sashimono.cli_dataset import dataset_app
 from sashimono.cli_learning import learning_app
-from sashimono.commands import BAD_INPUT, INTERRUPTED, NO_PLAN, OK, plan_and_write, reading_options
+from sashimono.commands import BAD_INPUT, INTERRUPTED, NO_PLAN, OK, plan_and_write, read_constraints, reading_options
 from sashimono.errors import SashimonoError
 from sashimono.outputs import refuse_bad_files, refuse_unwritable, replacing_together, write_json
 
@@ -143,6 +143,19 @@ def plan(
     motion: Annotated[
         str, typer.Option(help="how parts get there: transit and the removal reversed, or rrt: RRT-Connect all the way")
     ] = "removal",
+    base: Annotated[str | None, typer.Option(metavar="NAME", help="the part that everything is put on")] = None,
+    up: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="away from the table, in the frame of INPUT")] = None,
+    before: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A:B", help="A is placed before B; repeatable; patterns (bolt*) stand for all that match"),
+    ] = None,
+    exclude: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="leave a part out; repeatable; a name or a pattern")
+    ] = None,
+    constraints: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="a .toml file with base, up, before and exclude: the one beside a plan"),
+    ] = None,
     resting: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="where parts wait: a .json file with a table and poses, or a plan.json"),
@@ -166,9 +179,18 @@ def plan(
         from sashimono.disassembly.physics.batch import find_device
 
         find_device(device)
+    wishes = read_constraints(constraints, base=base, up=up, before=before or (), exclude=exclude or ())
+    if method == "physics" and (wishes.base is not None or wishes.before):
+        raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
     refuse_unwritable(out)
-    options = {"method": method, "device": device, "gripper": gripper, "grippers": grippers, "contacts": contacts}
-    options |= {"motion": motion, "resting": resting, "declare_threads": declare_threads}
+    options = {
+        "method": method,
+        "device": device,
+        "gripper": gripper,
+        "grippers": grippers,
+        "contacts": contacts,
+    }
+    options |= {"motion": motion, "resting": resting, "declare_threads": declare_threads, "wishes": wishes}
     options |= {"unit": unit, "split": split, "seed": seed}
     return plan_and_write(source, out, **options)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -11,6 +13,7 @@ from sashimono.errors import SashimonoError
 
 if TYPE_CHECKING:
     from sashimono.contact import Gripper
+    from sashimono.io.constraints_file import Wishes
     from sashimono.io.raw import ReadConfig
 
 OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
@@ -34,6 +37,7 @@ def plan_and_write(
     contacts: bool = True,
     motion: str = "removal",
     resting: Path | None = None,
+    wishes: Wishes | None = None,
     declare_threads: bool = False,
     copy_input: bool = False,
 ) -> int:
@@ -52,24 +56,36 @@ def plan_and_write(
         contacts: Whether to choose grasps.
         motion: How parts get there: by their removal reversed, or by RRT-Connect all the way.
         resting: A file with the table and resting poses of parts; None to lay all out.
+        wishes: Base, table, precedences and parts left out, as the user wants them; written beside the plan.
         declare_threads: Whether screws drawn without ridges are turned in.
         copy_input: Whether a copy of the input is written beside the plan.
     """
+    from dataclasses import replace
+
     from sashimono.console import progress_display, summary_lines
     from sashimono.disassembly.cascade import SeparateConfig
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
+    from sashimono.disassembly.sequence.constraints import OrderConstraints
+    from sashimono.disassembly.sequence.greedy import SequenceConfig
     from sashimono.disassembly.threads.declared import DeclareConfig
+    from sashimono.io.constraints_file import Wishes
     from sashimono.io.read import read_assembly
     from sashimono.io.resting_file import read_resting_poses
-    from sashimono.motion import MotionConfig
+    from sashimono.motion import MotionConfig, TableConfig
     from sashimono.pipeline import PipelineConfig, plan_assembly
     from sashimono.tasks import write_results
 
     tool, asked = find_gripper(gripper), find_grippers(grippers)
     waiting = None if resting is None else read_resting_poses(resting)
-    assembly = read_assembly(source, unit=unit, config=reading_options(split))
+    wishes = wishes or Wishes()
+    assembly = read_assembly(source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude))
     for note in assembly.notes:
         typer.echo(f"note: {note}", err=True)
+    sequence = SequenceConfig(constraints=OrderConstraints(base=wishes.base, before=wishes.before))
+    if wishes.up is not None:
+        length = math.hypot(*wishes.up)
+        x, y, z = (part / length for part in wishes.up)
+        sequence = replace(sequence, up=(x, y, z))
     with progress_display() as progress:
         config = PipelineConfig(
             method=cast("Literal['cascade', 'physics', 'past']", method),
@@ -78,15 +94,47 @@ def plan_and_write(
             gripper=tool,
             grippers=asked,
             contacts=contacts,
-            motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion)),
+            sequence=sequence,
+            motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion), table=TableConfig(up=wishes.up)),
         )
         found = plan_assembly(assembly, config=config, seed=seed, resting=waiting, progress=progress)
-    write_results(found, assembly, out, copied=source if copy_input else None)
+    written = write_results(found, assembly, out, copied=source if copy_input else None, wishes=wishes)
     for line in summary_lines(found, assembly):
         typer.echo(line)
-    typer.echo(f"written: {', '.join(str(out / name) for name in ('plan.json', 'plan.glb'))}")
+    typer.echo(f"written: {', '.join(str(path) for path in written if path.suffix != '.html')}")
     typer.echo(f"open in a browser: {(out / 'plan.html').resolve()}")
     return OK if found.status == "complete" else NO_PLAN
+
+
+def read_constraints(
+    file: Path | None, *, base: str | None, up: str | None, before: Sequence[str], exclude: Sequence[str]
+) -> Wishes:
+    """Return what a constraints file and the options beside it say; SashimonoError for what cannot be read.
+
+    Args:
+        file: A TOML file, or None.
+        base: The part that everything is put on.
+        up: Three numbers, separated by commas.
+        before: Pairs ``A:B``.
+        exclude: Names or patterns.
+    """
+    from sashimono.io.constraints_file import Wishes, read_wishes
+
+    pairs = []
+    for text in before:
+        first, colon, later = text.partition(":")
+        if not (colon and first and later):
+            raise SashimonoError(f"--before {text}: not A:B. Give two names with a colon between.")
+        pairs.append((first, later))
+    direction = None
+    if up is not None:
+        try:
+            x, y, z = (float(number) for number in up.split(","))
+        except ValueError:
+            raise SashimonoError(f"--up {up}: not X,Y,Z. Give three numbers with commas between.") from None
+        direction = (x, y, z)
+    own = Wishes(base=base, up=direction, before=tuple(pairs), exclude=tuple(exclude))
+    return own if file is None else read_wishes(file).and_then(own)
 
 
 def find_gripper(name: str) -> str | Gripper:

@@ -128,7 +128,7 @@ def plan_assembly(
         if best is None or attempt.worth > best.worth:
             best = attempt
         again = attempt.refused - refused
-        if not again and for_contacts > 0:
+        if not again and for_contacts > 0 and not attempt.unsolved:
             for_contacts -= 1
             again = attempt.contactless - refused
         if not again:

@@ -17,6 +17,7 @@ from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.conditions.clauses import RemovalConditions
 from sashimono.disassembly.explanation.explain import ExplainConfig, Explanation, explain_part, explain_stuck
 from sashimono.errors import SashimonoError
+from sashimono.io.constraints_file import Wishes, wishes_to_toml
 from sashimono.outputs import replacing_together
 from sashimono.plan import AssemblyPlan
 
@@ -100,17 +101,24 @@ def read_gripper(path: str | Path) -> Gripper:
 
 
 def write_results(
-    plan: AssemblyPlan, assembly: Assembly, folder: str | Path, *, copied: Path | None = None
-) -> tuple[Path, Path, Path]:
+    plan: AssemblyPlan,
+    assembly: Assembly,
+    folder: str | Path,
+    *,
+    copied: Path | None = None,
+    wishes: Wishes | None = None,
+) -> tuple[Path, ...]:
     """Write a plan as ``plan.json``, ``plan.html`` and ``plan.glb`` into a folder, all or none; return their paths.
 
-    The folder is made if it is absent. Raises SashimonoError if it cannot be written.
+    With wishes there is a ``constraints.toml`` as well, to be changed and planned again. The folder is made if it is
+    absent. Raises SashimonoError if it cannot be written.
 
     Args:
         plan: What is written.
         assembly: What it was made for.
         folder: Where to.
         copied: Input file to copy beside the plan, which then names the copy as its source.
+        wishes: What the user decided.
     """
     from sashimono.io.plan_json import write_plan
     from sashimono.view import write_glb, write_html
@@ -123,7 +131,11 @@ def write_results(
         write_html(plan, assembly, scratch / "plan.html")
         write_glb(plan, assembly, scratch / "plan.glb")
         write_plan(plan, scratch / "plan.json")
-    return folder / "plan.json", folder / "plan.html", folder / "plan.glb"
+        names = ["plan.json", "plan.html", "plan.glb"]
+        if wishes is not None and wishes != Wishes():
+            (scratch / "constraints.toml").write_text(wishes_to_toml(wishes), encoding="utf-8")
+            names.append("constraints.toml")
+    return tuple(folder / name for name in names)
 
 
 def _seen_from(folder: Path, source: str, copied: Path | None) -> str:

@@ -81,7 +81,7 @@ class TreePlanner:
             if departure.inside is not None:
                 # spawned only for a subassembly: other plans draw the same numbers as before
                 inner, merged[name] = motion_rng.spawn(2)
-                inside[name] = replace(self, resting=None).plan(
+                inside[name] = self._bench().plan(
                     departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0]
                 )
         level, bodies = self._level(found, departures, merged)
@@ -114,6 +114,10 @@ class TreePlanner:
             refused=frozenset(departures[name].refusal for name in failed).union(*(b.refused for b in inside.values())),
             failed=(*failed.values(), *(entry for below in inside.values() for entry in below.failed)),
         )
+
+    def _bench(self) -> TreePlanner:
+        """The planner of what is put together elsewhere: what the user says of table and tray is of the top level."""
+        return replace(self, resting=None, motion=replace(self.motion, table=replace(self.motion.table, up=None)))
 
     def _members(self, departure: Departure) -> tuple[str, ...]:
         return names_of(self.assembly, bits(departure.members))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +21,9 @@ from sashimono.disassembly.removal import Removal
 from sashimono.fasteners.precedence import precedence
 from sashimono.fasteners.recognise import Fastener, find_fasteners
 from sashimono.fasteners.report import fastener_lines, fasteners_as_dict
+from sashimono.io.read import read_assembly
+
+LABELS = json.loads((Path(__file__).parent / "labels.json").read_text(encoding="utf-8"))
 
 
 def bolted() -> Assembly:
@@ -168,8 +174,24 @@ def test_turning_and_scaling_the_whole_changes_only_the_sizes() -> None:
     assert [f.size for f in find_fasteners(turned)] == [f.size for f in before]
 
 
+def test_labels_are_kinds_and_enough() -> None:
+    kinds = [kind for own in LABELS.values() for kind in own.values()]
+    assert set(kinds) <= {"screw", "bolt", "nut", "washer", "pin", "standoff", "circlip", "none"}
+    assert len(kinds) >= 150
+    assert sum(kind != "none" for kind in kinds) >= 75
+
+
+@pytest.mark.parametrize(
+    "name", ["pythonocc_demos_as1_oc_214", "telescope_sync_assembly", "micromanipulatorstepper_steppermotornema17"]
+)
+def test_real_fasteners_are_found_as_labelled(assemblies_folder: Path, name: str) -> None:
+    found = {f.part: f.kind for f in find_fasteners(read_assembly(assemblies_folder / name, unit="mm"))}
+    for part, kind in LABELS[name].items():
+        assert found.get(part, "none") == kind, part
+
+
 def test_what_is_written() -> None:
-    written = fasteners_as_dict(find_fasteners(bolted()))
+    written: Any = fasteners_as_dict(find_fasteners(bolted()))
     assert [entry["part"] for entry in written["fasteners"]] == ["bolt", "washer_head", "washer_nut", "nut"]
     bolt = written["fasteners"][0]
     assert (bolt["kind"], bolt["size"], bolt["tool"], bolt["thread_pitch"]) == ("bolt", "M6", "wrench 10 mm", None)

@@ -1,6 +1,5 @@
 """Level 3: contacts. Antipodal grasps, their quality, what fingers must stay clear of, and pushes."""
 
-from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.executable import Executability
 from sashimono.contact.grasp import ContactChoice, choose_contact, choose_contacts
@@ -14,6 +13,7 @@ from sashimono.contact.gripper import (
     proportionate_gripper,
 )
 from sashimono.contact.suction import REAL_TOOLS, VACUUM_CUP, SuctionCup, real_tool
+from sashimono.motion.scene import Obstacle
 
 __all__ = [
     "FINGERTIPS",

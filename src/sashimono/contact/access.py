@@ -9,11 +9,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.contact.clearance import Obstacle, Surroundings
+from sashimono.contact.clearance import Surroundings
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import Boxes
 from sashimono.contact.poses import resample, segment_poses
 from sashimono.geometry.body import Body
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
 _STAGES = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import fcl
 import numpy as np
@@ -12,17 +11,10 @@ from jaxtyping import Float
 from sashimono.contact.gripper import Boxes
 from sashimono.geometry.body import Body
 from sashimono.geometry.distance.collision import FCL_UNITS
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Table
 
 TABLE = "the table"
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Obstacle:
-    """A body that stands still during a step: a fixed part, or one that still rests."""
-
-    body: Body
-    T_world_part: Float[np.ndarray, "4 4"]
 
 
 class Surroundings:

@@ -9,7 +9,6 @@ import numpy as np
 
 from sashimono.assembly import Assembly
 from sashimono.contact.candidates import GraspCandidates, find_candidates
-from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.grasp import choose_contact
 from sashimono.contact.gripper import FingertipTool, Gripper, Tool, proportionate_gripper
@@ -17,6 +16,7 @@ from sashimono.contact.tip_contact import TipGrasps, choose_tip_contact, find_ti
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.removal import Removal
 from sashimono.geometry.body import Body
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Segment
 
 

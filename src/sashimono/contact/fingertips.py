@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Float, Int
 from numba import njit
 
-from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.poses import exp_many
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.geometry.distance.signed_distance import nearest
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
 

@@ -14,12 +14,12 @@ from sashimono.assembly import Assembly, Part
 from sashimono.bodies import make_bodies, make_body
 from sashimono.contact.access import Access
 from sashimono.contact.candidates import GraspCandidates, congruence, find_candidates
-from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import FingertipTool, Gripper, Tool, proportionate_gripper
 from sashimono.contact.suction import SuctionCup, why_no_suction
 from sashimono.contact.tip_contact import TipGrasps, choose_tip_contact, find_tip_grasps
 from sashimono.geometry.body import Body
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Contact, Motion, Table
 
 logger = logging.getLogger(__name__)

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.contact.clearance import Obstacle
 from sashimono.contact.cone_program import Contacts
 from sashimono.contact.config import ContactConfig
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
 GRAVITY = 9.81

@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.contact.access import Access
-from sashimono.contact.clearance import Obstacle
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import PRESETS, Boxes, Gripper, named_gripper
 from sashimono.contact.wrenches import unit_across
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
 GRAVITY = 9.81

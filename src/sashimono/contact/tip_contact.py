@@ -12,7 +12,6 @@ from jaxtyping import Float
 from sashimono.assembly import Part
 from sashimono.contact.antipodal import GraspPairs, antipodal_pairs
 from sashimono.contact.candidates import GraspCandidates
-from sashimono.contact.clearance import Obstacle
 from sashimono.contact.cone_program import Pushes, least_pushes
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.fingertips import Fingertips, Passage, clear_of_itself, fingertips_for
@@ -20,6 +19,7 @@ from sashimono.contact.push import find_supports, scaled, wanted_wrench
 from sashimono.contact.samples import main_lines, sample_contacts, steady
 from sashimono.geometry.body import Body
 from sashimono.geometry.mesh import measures
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import Contact, Motion, Table
 
 _CHUNK = 48

@@ -28,6 +28,7 @@ from sashimono.disassembly.shared_bodies import SharedBodies
 from sashimono.disassembly.threads.declared import declared_removal
 from sashimono.disassembly.threads.stage import ThreadStage
 from sashimono.disassembly.threads.surface import Threads
+from sashimono.disassembly.tilting.stage import TiltStage
 from sashimono.disassembly.translation.contact_normals import ContactNormals
 from sashimono.disassembly.translation.search import TranslationSearch
 from sashimono.disassembly.translation.stage import TranslationStage
@@ -62,12 +63,14 @@ class Cascade:
         )
         self.groups = GroupStage(self.blocking)
         self.physics = PhysicsStage(parts, config=config.physics)
+        self.tilting = TiltStage(parts, config=config.tilt)
         self.stages: tuple[Stage, ...] = (
             self.directions,
             self.threads,
             self.translations,
             self.groups,
             self.physics,
+            self.tilting,
         )
         """In the order in which they are asked: the ones that cost least first."""
         self._answers: dict[tuple[str, int, int], list[tuple[int, Separation]]] = {}
@@ -82,7 +85,11 @@ class Cascade:
         return Inquiry(self.stages, self._ask, max_traced=self.config.max_traced)
 
     def conditions(self, *, reachable_only: bool = False) -> RemovalConditions:
-        """Return every part's removal conditions; see `find_conditions`."""
+        """Return every part's removal conditions; see `find_conditions`.
+
+        Tilting is not asked: its "no" proves nothing, and takes seconds for each pair that holds itself.
+        """
+        asked = tuple(stage for stage in self.stages if stage not in (self.directions, self.tilting))
         return find_conditions(
             self.assembly.names,
             self.directions,
@@ -90,6 +97,7 @@ class Cascade:
             translations=self.translations,
             fewer_holders=self.translations.fewer_holders,
             physics=self.physics,
+            for_pairs=asked,
             config=self.config,
             reachable_only=reachable_only,
         )

@@ -10,6 +10,7 @@ from sashimono.disassembly.placed_parts import PlacedPartsConfig
 from sashimono.disassembly.shared_bodies import SharedConfig
 from sashimono.disassembly.threads.declared import DeclareConfig
 from sashimono.disassembly.threads.surface import UnscrewConfig
+from sashimono.disassembly.tilting.search import TiltConfig
 from sashimono.disassembly.translation.search import TranslationConfig
 
 
@@ -21,9 +22,11 @@ class SeparateConfig:
     blocking: BlockingConfig = field(default_factory=BlockingConfig)
     translation: TranslationConfig = field(default_factory=TranslationConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    tilt: TiltConfig = field(default_factory=TiltConfig)
     unscrew: UnscrewConfig = field(default_factory=UnscrewConfig)
     max_traced: int = 40_000_000
-    """Tracing steps that threads and physics may take in one run (an order, or conditions), about half a minute."""
+    """Tracing steps that threads, physics and tilting may take in one run (an order, or conditions): about half a
+    minute."""
     shared: SharedConfig = field(default_factory=SharedConfig)
     declare: DeclareConfig = field(default_factory=DeclareConfig)
     contact_gap: float = 0.01

@@ -92,6 +92,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
             "sha256": plan.source.sha256,
             "unit": plan.source.unit,
             "split": plan.source.split,
+            **({"excluded": plan.source.excluded} if plan.source.excluded else {}),
         },
         "interpolation": "geodesic",
         "table": _table_document(plan.table),
@@ -241,7 +242,11 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
     return AssemblyPlan(
         status=document["status"],
         source=Source(
-            path=source["path"], sha256=source["sha256"], unit=source["unit"], split=source.get("split", "none")
+            path=source["path"],
+            sha256=source["sha256"],
+            unit=source["unit"],
+            split=source.get("split", "none"),
+            excluded=tuple(source.get("excluded", ())),
         ),
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
         order=tuple(document["order"]),

@@ -35,6 +35,8 @@ class ReadConfig:
     split: Literal["auto", "all", "none"] = "auto"
     """Which parts of several solids are taken apart: those whose solids' boxes do not meet, so that nothing can hold
     them together (auto); all; or none."""
+    exclude: tuple[str, ...] = ()
+    """Names of parts that are left out, or patterns of names (``cable*``)."""
     weld: float = 1e-5
     """Where a surface is not closed, vertices nearer than this are welded; relative to the part's diagonal."""
     hole_area: float = 0.02

@@ -22,6 +22,7 @@ from sashimono.io.formats.step import read_step
 from sashimono.io.mending.split import split_parts
 from sashimono.io.names import unique_names
 from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig
+from sashimono.selection import matching
 
 SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
 """Files that hold a whole assembly."""
@@ -57,6 +58,10 @@ def read_assembly(
         raise InputError(f"{path}: {what}; an assembly needs at least 2")
     names = unique_names([part.name for part in raw_parts])
     raw_parts = [replace(part, name=name) for part, name in zip(raw_parts, names, strict=True)]
+    excluded = matching(names, config.exclude, "--exclude")
+    raw_parts = [part for part in raw_parts if part.name not in excluded]
+    if len(raw_parts) < 2:
+        raise InputError(f"{path}: --exclude leaves {len(raw_parts)} of {len(names)} parts; leave out fewer")
     parts, mend_notes = close_parts(raw_parts, source=str(path), repair=repair, config=config)
     parts, kept_notes = split_parts(parts, config=config)
     names = [part.name for part in parts]
@@ -64,7 +69,9 @@ def read_assembly(
     same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
     return Assembly(
         parts=tuple(parts),
-        source=Source(path=str(path), sha256=_digest(raw.files, path), unit=raw.unit, split=config.split),
+        source=Source(
+            path=str(path), sha256=_digest(raw.files, path), unit=raw.unit, split=config.split, excluded=excluded
+        ),
         overlaps=find_overlaps(parts, config),
         identical=tuple(tuple(names[k] for k in members) for members in same),
         notes=tuple(notes),

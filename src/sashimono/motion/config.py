@@ -20,6 +20,8 @@ class RestingConfig:
 class TableConfig:
     """Which way is up: the candidate normal with the highest score."""
 
+    up: tuple[float, float, float] | None = None
+    """The normal, where the user gives one; else the best candidate."""
     above_weight: float = 0.5
     """Score of insertions straight from above (from below: minus this), averaged over the parts."""
     standing_bonus: float = 0.5

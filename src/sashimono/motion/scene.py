@@ -21,7 +21,7 @@ from sashimono.plan import Table
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Obstacle:
-    """A part that stands still."""
+    """A body that stands still during a step: a fixed part, or one that still rests."""
 
     body: Body
     T_world_part: Float[np.ndarray, "4 4"]

@@ -25,8 +25,10 @@ def choose_normal(
     """Return the unit normal of the table: +z of the file unless the assembly goes together better otherwise.
 
     Insertions from above count most, then a base part that stands stably, then
-    the file's own +z. Candidates are the world axes and the base part's stable faces.
+    the file's own +z. Candidates are the world axes and the base part's stable faces. ``config.up`` overrules them all.
     """
+    if config.up is not None:
+        return np.array(config.up, dtype=np.float64) / np.linalg.norm(config.up)
     exits = np.array([removal.exit_direction for removal in removals.values()]).reshape(-1, 3)
     standing = [pose for pose in stable_poses(base, resting) if pose.tipping_angle >= resting.min_tipping_angle]
     ups = [-(R_base @ pose.down_part) for pose in standing]

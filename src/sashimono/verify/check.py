@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -74,7 +75,7 @@ def verify_file(
     found = [path for path in candidates if path.exists()]
     if not found:
         raise InputError(f"{plan_path}: its input {plan.source.path} is not there. Name it with --input.")
-    options = ReadConfig(split=plan.source.split)
+    options = ReadConfig(split=plan.source.split, exclude=tuple(map(glob.escape, plan.source.excluded)))
     assemblies = (read_assembly(path, unit=plan.source.unit, config=options) for path in found)
     return verify_plan(plan, _matching(assemblies, plan.source.sha256), config=config)
 

@@ -38,6 +38,7 @@ def find_conditions(
     translations: Stage,
     fewer_holders: FewerHolders,
     physics: PhysicsStage,
+    for_pairs: Sequence[Stage],
     config: SeparateConfig,
     reachable_only: bool,
 ) -> RemovalConditions:
@@ -50,11 +51,12 @@ def find_conditions(
         translations: The stage whose proofs decide sets of obstacles.
         fewer_holders: Makes the sets that these proofs name smaller: a smaller one decides more sets.
         physics: The stage that says which parts a motion hits.
+        for_pairs: The stages that are asked about a part that another one holds even when all else is gone.
         config: Budgets.
         reachable_only: Ask only about sets that taking the whole apart can leave: orders and next parts are as exact,
             for a fraction of the work.
     """
-    search = _Search(directions.blocking, inquiry, translations, fewer_holders, physics, config)
+    search = _Search(directions.blocking, inquiry, translations, fewer_holders, physics, for_pairs, config)
     parts = range(len(directions.blocking))
     found = [blocking_clauses(directions.blocking, part) for part in parts]
     while True:
@@ -81,10 +83,12 @@ class _Search:
         translations: Stage,
         fewer_holders: FewerHolders,
         physics: PhysicsStage,
+        for_pairs: Sequence[Stage],
         config: SeparateConfig,
     ) -> None:
         self.blocking, self.inquiry, self.config = blocking, inquiry, config
         self.translations, self.fewer_holders, self.physics = translations, fewer_holders, physics
+        self.for_pairs = tuple(for_pairs)
         self._relative_motions: dict[tuple[int, int], Removal] = {}
 
     def complete(self, part: int, found: list[dict[int, Clause]], *, reachable_only: bool) -> bool:
@@ -137,7 +141,7 @@ class _Search:
             if any(not mask & remaining for mask in clauses):
                 return
             # single translations are in the clauses already
-            separation = self.inquiry.separate(part, remaining, stages=self.inquiry.stages[1:])
+            separation = self.inquiry.separate(part, remaining, stages=self.for_pairs)
             if separation.removal is None:
                 return
             _add(clauses, separation)

@@ -20,6 +20,7 @@ from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
+from sashimono.disassembly.sequence.constraints import OrderConstraints, resolve
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
 from sashimono.plan import Answer
@@ -39,6 +40,8 @@ class SequenceConfig:
     """Worth of a removal after which the remaining parts still hang together."""
     small_first: float = 1.0
     """Worth of the smallest part's removal, against that of the largest at 0."""
+    constraints: OrderConstraints = field(default_factory=OrderConstraints)
+    """The base and precedences that the user wants."""
     verdict: VerdictConfig = field(default_factory=VerdictConfig)
     """How what holds the parts that stay is put into words."""
 
@@ -116,12 +119,15 @@ class _Chooser:
         self.smallness = 1.0 - rank / max(1, len(rank) - 1)
         self.neighbours = [cascade.touching(part) for part in range(len(parts))]
         self.up = np.array(config.up)
+        self.wishes = resolve(config.constraints, cascade.assembly.names)
 
     def base_among(self, remaining: int) -> int:
         """The bulkiest of the best connected parts: bulk times one more than the number of touching parts.
 
-        Where an order was proposed, its last part.
+        Where the user named one, that; where an order was proposed, its last part.
         """
+        if self.wishes.base is not None and remaining >> self.wishes.base & 1:
+            return self.wishes.base
         for part in reversed(self.proposed):
             if remaining >> part & 1:
                 return part
@@ -161,7 +167,7 @@ class _Chooser:
         choice = self.next_proposed(remaining, protected, last) or self.next_by_one_translation(
             remaining, protected, last
         )
-        if choice is None and self.leaves_by_one_translation(protected, remaining):
+        if choice is None and protected != self.wishes.base and self.leaves_by_one_translation(protected, remaining):
             # the base itself can go: keep another one instead, the best of those that are left
             return self.next(remaining, self.base_among(remaining & ~(1 << protected)), last)
         for stage in self.later_stages:
@@ -176,7 +182,7 @@ class _Chooser:
     def next_proposed(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
         """The first part of the proposed order that remains, if it can leave."""
         part = next((k for k in self.proposed if remaining >> k & 1 and k != protected), None)
-        if part is None:
+        if part is None or self.wishes.holds_back(part, remaining):
             return None
         worth = self.preference(last)
         separation = self.cascade.directions.along(part, remaining, preference=worth, refused=self.refused)
@@ -203,6 +209,8 @@ class _Chooser:
         worths = [worth(blocking.direction(direction_index)) for direction_index in range(blocking.count_directions)]
         ranked = []
         for part in bits(remaining & ~(1 << protected)):
+            if self.wishes.holds_back(part, remaining):
+                continue
             others = remaining & ~(1 << part)
             open_ways = [s for s in range(blocking.count_directions) if not blocking.masks(part, s)[0] & others]
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
@@ -235,6 +243,11 @@ class _Chooser:
             if self._is_refused(part):
                 said[part] = REFUSED
                 continue
+            if part == self.wishes.base:
+                continue
+            if waits := self.wishes.holds_back(part, remaining):
+                said[part] = self._waiting(bits(waits))
+                continue
             known = said.get(part, UNASKED)
             if known.proven_for is stage.motions:
                 continue
@@ -243,6 +256,15 @@ class _Chooser:
                 return Departure(part=part, members=1 << part, separation=separation)
             said[part] = known.and_then(separation)
         return None
+
+    def _waiting(self, first: Sequence[int]) -> Separation:
+        """What is said of a part that the user's precedence keeps, while the parts it waits for cannot leave."""
+        names = ", ".join(self.cascade.assembly.names[k] for k in first)
+        return Separation(
+            answer=Answer.UNKNOWN,
+            blocked_by=tuple(first),
+            reason=f"--before has it placed earlier than {names}, and what is to leave first cannot",
+        )
 
     def next_subassembly(self, remaining: int, protected: int) -> Departure | None:
         """The best set of parts that leaves as one body, with how it comes apart by itself."""
@@ -255,7 +277,9 @@ class _Chooser:
             connected=self.connected,
             refused=self.refused,
         )
-        if found is None:
+        if found is None or any(
+            self.wishes.holds_back(part, remaining & ~found.members) for part in bits(found.members)
+        ):
             return None
         inside = _disassemble(self, found.members, lambda removed: None)
         separation = Separation(

@@ -29,7 +29,7 @@ def advance_straight(
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     direction = np.ascontiguousarray(direction, dtype=np.float64)
-    return _advance_straight(points, direction, length, limit, least_step, *solid.arrays)
+    return advance_points(points, direction, length, limit, least_step, *solid.arrays)
 
 
 @njit(cache=True, nogil=True)
@@ -130,8 +130,9 @@ def _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals):  # 
 
 
 @njit(cache=True, nogil=True)
-def _advance_straight(points, direction, length, limit, least_step, boxes, links, triangles, normals):
+def advance_points(points, direction, length, limit, least_step, boxes, links, triangles, normals):
     # pragma: no cover - compiled
+    """What `advance_straight` returns; for compiled callers."""
     travel = np.inf
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]

@@ -1,5 +1,14 @@
 // Everything that is not the 3D view. Names and reasons come from files: they are only ever set as text.
 
+/** How a step's part is held, in words: the grasp that carries it first, a push with its force. */
+function contactWords({ contact, carry }) {
+  const short = (value) => +value.toPrecision(3);
+  const words = carry ? [`${carry.kind}, then`, contact.kind] : [contact.kind];
+  if (contact.kind === "grasp" && contact.quality !== null) words.push(`of quality ${short(contact.quality)}`);
+  if (contact.kind === "push" && contact.force) words.push(`with ${short(Math.hypot(...contact.force[0]))} N`);
+  return words.join(" ");
+}
+
 function element(tag, properties = {}, ...children) {
   const node = Object.assign(document.createElement(tag), properties);
   node.append(...children.filter((child) => child !== null));
@@ -50,7 +59,7 @@ function describeStep(step) {
   if (step.declaredPitch !== null) {
     facts.push(`screwed in, pitch ${formatLength(step.declaredPitch)} (declared: the CAD has no thread)`);
   }
-  if (step.contact) facts.push(`${step.contact.kind}${step.contact.kind === "grasp" && step.contact.quality !== null ? `, quality ${+step.contact.quality.toPrecision(3)}` : ""}`);
+  if (step.contact) facts.push(contactWords(step));
   else if (step.contactReason) facts.push(`no contact: ${step.contactReason}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");
