@@ -66,7 +66,8 @@ def ring(hole: float, outer: float, height: float, segments: int = 48) -> Manifo
 
 def circlip(inner: float, outer: float, height: float) -> Manifold:
     """A flat ring with a gap of 60 degrees."""
-    gap = manifold3d.CrossSection([[(0.0, 0.0), (outer, -0.577 * outer), (outer, 0.577 * outer)]]).extrude(3.0 * height)
+    wedge = np.array([(0.0, 0.0), (outer, -0.577 * outer), (outer, 0.577 * outer)])
+    gap = manifold3d.CrossSection([wedge]).extrude(3.0 * height)
     return ring(inner, outer, height) - gap.translate((0.0, 0.0, -height))
 
 

@@ -132,6 +132,14 @@ def test_a_head_without_drive_counts_where_it_clamps() -> None:
     assert find_fasteners(assembly(base=base, s=plain.translate((0.0, 0.0, 2 * MM)))) == ()
 
 
+def test_a_shaft_with_a_collar_is_no_screw() -> None:
+    bearing = box((40 * MM, 40 * MM, 10 * MM), (0.0, 0.0, -15 * MM)) - rod(3 * MM, 1.0)
+    wheel = ring(6 * MM, 30 * MM, 8 * MM).translate((0.0, 0.0, -8 * MM))
+    for length in (19 * MM, 30 * MM):
+        shaft = cylinder(6 * MM, length, -length) + cylinder(10 * MM, 4 * MM)
+        assert find_fasteners(assembly(bearing=bearing, wheel=wheel, a=shaft)) == ()
+
+
 def test_a_dowel_and_a_shaft() -> None:
     blocks = [box((20 * MM, 20 * MM, 10 * MM), (0.0, 0.0, z)) - rod(2.5 * MM, 1.0) for z in (-5 * MM, 5 * MM)]
     pinned = assembly(low=blocks[0], high=blocks[1], a=cylinder(5 * MM, 18 * MM, -9 * MM))

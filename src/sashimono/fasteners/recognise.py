@@ -248,7 +248,7 @@ class _Finder:
             kind: Kind = "bolt" if stud else "screw"
             reason = f"a round bar with {s.drive}" if driven else "a round bar with nuts on it"
         else:
-            held = bool(own_nuts) or (bool(clamps) and bool(into) and self._rests(seat, [a.part for a in others]))
+            held = bool(own_nuts) or self._clamps(seat, others)
             if not s.certain and not held:
                 return None
             kind = "bolt" if own_nuts or s.drive == "hex" else "screw"
@@ -281,6 +281,21 @@ class _Finder:
             return [], [a.part for a in others]
         deepest = max(others, key=lambda a: (a.high, a.low))
         return [a.part for a in others if a is not deepest], [deepest.part]
+
+    def _clamps(self, seat: _Seat, others: Sequence[Around]) -> bool:
+        """Whether what has a head but no drive clamps: a wide hole under its head, a tight one around its tip.
+
+        A shaft with a collar is as tight in its wheel as in its bearing, or stands out.
+        """
+        s, placement = seat.shape, self.config.placement
+        if len(others) < 2 or _hinted(self._name(seat.part), "shaft"):
+            return False
+        deepest = max(others, key=lambda a: (a.high, a.low))
+        wide = all(a.fit > placement.tight for a in others if a is not deepest)
+        stands_out = s.high - deepest.high > 0.5 * s.diameter
+        return (
+            wide and deepest.fit <= placement.tight and not stands_out and self._rests(seat, [a.part for a in others])
+        )
 
     def _rests(self, seat: _Seat, others: Sequence[int]) -> bool:
         """Whether a head rests on one of the parts around its shank."""
