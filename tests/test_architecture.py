@@ -27,7 +27,7 @@ LEVELS = [
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
-    {"stability"},
+    {"stability", "fasteners"},
     {"disassembly"},
     {"motion"},
     {"contact"},
@@ -54,6 +54,7 @@ ROOMS = {
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
     ],
+    "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
@@ -70,7 +71,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "stability", "disassembly", "motion", "contact", "tree"}
+ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

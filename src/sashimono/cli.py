@@ -1,4 +1,4 @@
-"""The command line: ``sashimono demo | plan | verify | conditions | explain``.
+"""The command line: ``sashimono demo | plan | verify | conditions | fasteners | explain``.
 
 Exit status: 0 complete and verified; 2 bad usage or bad input, with one line on standard error;
 3 no complete plan (a partial one is written, with reasons); 130 interrupted. The planner is imported
@@ -13,7 +13,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -232,9 +232,12 @@ def conditions(
     split: Split = "auto",
     seed: Seed = 0,
 ) -> int:
-    """Find what must be gone before each part can leave, and how many orders that allows."""
+    """Find what must be gone before each part can leave, how many orders that allows, and how many fasteners leave."""
+    from sashimono.disassembly.conditions.added import added_as_dict
     from sashimono.disassembly.conditions.and_or import and_or_graph
     from sashimono.disassembly.conditions.orders import conditions_as_dict
+    from sashimono.fasteners.precedence import precedence
+    from sashimono.fasteners.recognise import find_fasteners
     from sashimono.io.read import read_assembly
     from sashimono.tasks import find_conditions
 
@@ -243,11 +246,42 @@ def conditions(
     assembly = read_assembly(source, unit=unit, config=reading_options(split))
     found = find_conditions(assembly, thorough=thorough, seed=seed)
     written = conditions_as_dict(found)
+    added = added_as_dict(found, precedence(assembly, find_fasteners(assembly)))
+    if added["precedence"]:
+        written["fasteners"] = added
     write_json(json_file, written)
     if graph_file is not None:
         write_json(graph_file, and_or_graph(found).as_dict())
     names = ", ".join(str(path) for path in targets.values() if path is not None)
     typer.echo(f"{len(assembly)} parts, orders: {_orders_in_words(written)}; written: {names}")
+    pairs = cast("list[list[str]]", added["precedence"])
+    if pairs:
+        typer.echo(f"with fasteners, {len(pairs)} precedences more: orders: {_orders_in_words(written | added)}")
+        for before, after in pairs:
+            typer.echo(f"  {before} before {after}")
+    return OK
+
+
+@app.command()
+def fasteners(
+    source: InputPath,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")] = None,
+    unit: Unit = None,
+    split: Split = "auto",
+) -> int:
+    """List screws, bolts, nuts, washers, pins, standoffs and circlips, recognised by shape and place."""
+    from sashimono.fasteners.recognise import find_fasteners
+    from sashimono.fasteners.report import fastener_lines, fasteners_as_dict
+    from sashimono.io.read import read_assembly
+
+    refuse_bad_files({"--json": json_file})
+    assembly = read_assembly(source, unit=unit, config=reading_options(split))
+    found = find_fasteners(assembly)
+    for line in fastener_lines(found):
+        typer.echo(line)
+    typer.echo(f"{len(assembly)} parts, {len(found)} fasteners")
+    if json_file is not None:
+        write_json(json_file, fasteners_as_dict(found))
     return OK
 
 
