@@ -90,7 +90,8 @@ def _step_words(step: Step) -> str:
         words.append(f"hold {few_words(step.held)}")
     evidence = step.motion.evidence
     if "max_penetration" in evidence and "tolerance" in evidence:
-        deepest, tolerance = 1e3 * evidence["max_penetration"], 1e3 * evidence["tolerance"]
+        # below a nanometre it is rounding
+        deepest, tolerance = (round(1e3 * evidence[name], 6) for name in ("max_penetration", "tolerance"))
         words.append(f"deepest {deepest:.3g} mm of {tolerance:.3g} mm")
     return ", ".join(words)
 
