@@ -4,6 +4,7 @@
     python benchmarks/real_cad.py --jobs 2 --second-opinion
     python benchmarks/level1.py --generated 5 10 20 40 --json benchmarks/results/level1.json
     python benchmarks/level1.py --single --json benchmarks/results/level1_single.json
+    python benchmarks/contact.py --grippers
     python benchmarks/figures.py
 
 Replaces what stands between the figures markers of README.md; a missing result is an error.
@@ -30,8 +31,8 @@ def main() -> None:
 
 def figures() -> str:
     """Return the figures section."""
-    names = ("truth", "real_cad", "speed", "level1_single", "level1")
-    truth, real, speed, single, level1 = (load(RESULTS / f"{name}.json") for name in names)
+    names = ("truth", "real_cad", "speed", "level1_single", "level1", "contact")
+    truth, real, speed, single, level1, contact = (load(RESULTS / f"{name}.json") for name in names)
     where = real["machine"]
     rows = [
         [
@@ -61,6 +62,10 @@ def figures() -> str:
             f"(`python benchmarks/truth.py`; {taken(truth)}): {free} false “free”, {blocked} false “blocked”, "
             f"{disputed} disputed (the table is wrong, by a motion that the verifier and exact booleans confirm). Of "
             f"the {clauses} clauses' witness motions the verifier refutes {refuted}.",
+            "Contacts of the same assemblies' steps that have a motion, with fingertips, and how many of them a real "
+            "tool can do all the way; wrong: refuted by the check, normals off by more than 5° included; milliseconds "
+            f"of level 3 a step, one thread (`python benchmarks/contact.py --grippers`; {taken(contact)}):",
+            contacts(contact["summary"]),
             "Removal conditions and a first order, one process, warm, processor time, generated assemblies of five "
             f"families (first row: `python benchmarks/level1.py --single`, {taken(single)}; the others, slower beyond, "
             f"were taken up to 40 parts: `python benchmarks/level1.py --generated 5 10 20 40`, {taken(level1)}):",
@@ -86,6 +91,17 @@ def figures() -> str:
             ),
         ]
     )
+
+
+def contacts(summary: dict) -> str:
+    """Return the table of contacts: the real tools' shares are of all steps of their kind."""
+    fixed = ("steps", "contact", "grasp", "taken over", "push", "wrong", "median ms")
+    tools = [name for name in next(iter(summary.values())) if name not in fixed]
+    rows = [
+        [kind, *(row[name] for name in fixed), *(f"{100 * row[name] / row['steps']:.0f} %" for name in tools)]
+        for kind, row in summary.items()
+    ]
+    return table(("kind", *fixed, *tools), rows)
 
 
 def taken(result: dict) -> str:

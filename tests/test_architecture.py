@@ -27,7 +27,7 @@ LEVELS = [
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
-    {"fasteners"},
+    {"stability", "fasteners"},
     {"disassembly"},
     {"motion"},
     {"contact"},
@@ -71,7 +71,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "fasteners", "disassembly", "motion", "contact", "tree"}
+ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

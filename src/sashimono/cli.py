@@ -167,6 +167,7 @@ def plan(
             help="whether screws drawn without ridges are turned in, at the standard pitch of their diameter",
         ),
     ] = False,
+    hands: Annotated[int, typer.Option(min=1, metavar="N", help="hands there are to bring parts and to hold them")] = 2,
 ) -> int:
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
@@ -190,7 +191,13 @@ def plan(
         "grippers": grippers,
         "contacts": contacts,
     }
-    options |= {"motion": motion, "resting": resting, "declare_threads": declare_threads, "wishes": wishes}
+    options |= {
+        "motion": motion,
+        "resting": resting,
+        "declare_threads": declare_threads,
+        "wishes": wishes,
+        "hands": hands,
+    }
     options |= {"unit": unit, "split": split, "seed": seed}
     return plan_and_write(source, out, **options)
 

@@ -39,6 +39,7 @@ def plan_and_write(
     resting: Path | None = None,
     wishes: Wishes | None = None,
     declare_threads: bool = False,
+    hands: int = 2,
     copy_input: bool = False,
 ) -> int:
     """Read an input, plan it, write the results and say what came of it; return the exit status.
@@ -58,6 +59,7 @@ def plan_and_write(
         resting: A file with the table and resting poses of parts; None to lay all out.
         wishes: Base, table, precedences and parts left out, as the user wants them; written beside the plan.
         declare_threads: Whether screws drawn without ridges are turned in.
+        hands: How many hands there are.
         copy_input: Whether a copy of the input is written beside the plan.
     """
     from dataclasses import replace
@@ -94,6 +96,7 @@ def plan_and_write(
             gripper=tool,
             grippers=asked,
             contacts=contacts,
+            hands=hands,
             sequence=sequence,
             motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion), table=TableConfig(up=wishes.up)),
         )

@@ -10,7 +10,7 @@ from textwrap import shorten
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, few_words
 from sashimono.plan import AssemblyPlan, DeclaredHelix, Step, Unsolved
 
 MAX_OVERLAPS = 5
@@ -55,6 +55,7 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     width = max((len(name) for name in plan.parts), default=0)
     return [
         f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
+        plan.verdict,
         *_step_lines(plan.steps, width, ""),
         *_unsolved_lines(plan, width),
         *_overlap_lines(plan),
@@ -85,6 +86,8 @@ def _step_words(step: Step) -> str:
     words.append(_thread_words(step.declared) if step.declared else _direction_words(step.motion.T_world_part))
     if len(step.motion.T_world_part) > 1:
         words.append(_contact_words(step))
+    if step.held:
+        words.append(f"hold {few_words(step.held)}")
     evidence = step.motion.evidence
     if "max_penetration" in evidence and "tolerance" in evidence:
         deepest, tolerance = 1e3 * evidence["max_penetration"], 1e3 * evidence["tolerance"]

@@ -22,12 +22,13 @@ from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_dis
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
 from sashimono.errors import SashimonoError
-from sashimono.geometry.body import SampleConfig
+from sashimono.geometry.body import Body, SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
 from sashimono.plan import Answer, AssemblyPlan, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
+from sashimono.stability import StabilityConfig, hold_plan
 from sashimono.tree import Progress, TreePlanner
-from sashimono.verify import StepReport, VerifyConfig, verify_plan
+from sashimono.verify import StepReport, VerifyConfig, check_holds, verify_plan
 
 logger = logging.getLogger(__name__)
 
@@ -58,6 +59,10 @@ class PipelineConfig:
     """Grippers of which each step says whether they can take the part all the way."""
     contacts: bool = True
     """Whether level 3 runs."""
+    stability: StabilityConfig = field(default_factory=StabilityConfig)
+    """Options of support and gravity."""
+    hands: int = 2
+    """How many hands there are; a plan in which a step takes more is not executable."""
     max_attempts: int = 4
     """Most sequences that are tried. Where a motion fails or is refuted, the next one does without that direction."""
     contact_attempts: int = 1
@@ -137,7 +142,7 @@ def plan_assembly(
         logger.info("going back to level 1 without %s", sorted(map(str, again)))
     assert best is not None, "at least one attempt is made"
     unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
-    return _plan(assembly, replace(best, unsolved=unsolved), config, seed, clock)
+    return _plan(assembly, bodies, replace(best, unsolved=unsolved), config, seed, clock)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,14 +163,8 @@ class _Attempt:
     @property
     def worth(self) -> tuple[int, int]:
         """How many parts are placed, and for how many of the steps there is a contact."""
-        steps = [inner for step in self.steps for inner in _all_steps(step)]
+        steps = [inner for step in self.steps for inner in step.all_steps]
         return len(placed_parts(self.steps)), sum(step.contact is not None for step in steps)
-
-
-def _all_steps(step: Step) -> Iterator[Step]:
-    yield step
-    for inner in () if step.subassembly is None else step.subassembly.steps:
-        yield from _all_steps(inner)
 
 
 def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolved:
@@ -276,7 +275,7 @@ class _Judge:
 
     def contactless(self, steps: Sequence[Step]) -> frozenset[Refusal]:
         """Return the departures of the steps that move and have no contact, inside subassemblies too."""
-        every = [inner for step in steps for inner in _all_steps(step)]
+        every = [inner for step in steps for inner in step.all_steps]
         return frozenset(
             self._departures[step.part].path_refusal
             for step in every
@@ -320,11 +319,22 @@ def _draft(assembly: Assembly, table: Table, steps: tuple[Step, ...], unsolved: 
     )
 
 
-def _plan(assembly: Assembly, attempt: _Attempt, config: PipelineConfig, seed: int, clock: _Clock) -> AssemblyPlan:
+def _plan(
+    assembly: Assembly,
+    bodies: Mapping[str, Body],
+    attempt: _Attempt,
+    config: PipelineConfig,
+    seed: int,
+    clock: _Clock,
+) -> AssemblyPlan:
     draft = _draft(assembly, attempt.table, attempt.steps, attempt.unsolved)
+    status: Literal["complete", "partial"] = "complete" if attempt.verified else "partial"
+    with clock.stage("stability"):
+        held = hold_plan(replace(draft, status=status, hands=config.hands), bodies, config=config.stability)
+        executable = check_holds(held, assembly, config=config.verify)
     return replace(
-        draft,
-        status="complete" if attempt.verified else "partial",
+        held,
+        executable=executable,
         config=asdict(config),
         seed=seed,
         version=__version__,

@@ -136,15 +136,30 @@ class Step:
     """How it was put together before; None for a single part."""
     declared: DeclaredHelix | None = None
     """The thread that part of the path follows, where one was declared."""
+    held: tuple[str, ...] = ()
+    """Parts that must be held once this one is in place and let go: the others then stand by themselves."""
+    hands: int | None = None
+    """Most hands at work at once: one a held part, one for the part that is brought. None where it is not known."""
 
     def __repr__(self) -> str:
         what = f"subassembly of {few_words(self.members)}" if self.moving else repr(self.part)
-        return f"Step({what} onto {len(self.fixed)} parts, {len(self.motion.T_world_part)} poses, {self.held})"
+        return f"Step({what} onto {len(self.fixed)} parts, {len(self.motion.T_world_part)} poses, {self.moved_by})"
 
     @property
-    def held(self) -> str:
-        """What holds or pushes it, in a word."""
+    def moved_by(self) -> str:
+        """What grasps or pushes it, in a word."""
         return "no contact" if self.contact is None else self.contact.kind
+
+    @property
+    def all_steps(self) -> tuple[Step, ...]:
+        """This step and those inside its subassembly."""
+        inside = () if self.subassembly is None else self.subassembly.steps
+        return (self, *(deeper for step in inside for deeper in step.all_steps))
+
+    @property
+    def moves(self) -> bool:
+        """Whether it brings its part: the base, and what stands with it from the beginning, have one pose."""
+        return len(self.motion.T_world_part) > 1
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -176,6 +191,8 @@ class Subassembly:
     steps: tuple[Step, ...]
     """One for each name in ``order``."""
     table: Table | None
+    fixture: Fixture | None = None
+    """What holds its base above its table; None if that stands on it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,6 +226,17 @@ class Table:
         object.__setattr__(self, "normal", frozen_array(self.normal, np.float64))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Fixture:
+    """What holds the base, and what stands with it from the beginning, above the table."""
+
+    parts: tuple[str, ...]
+    height: float
+    """Of the base's lowest point above the table [m]."""
+    reason: str
+    """Why the base does not stand on the table."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RestingPoses:
     """Where parts wait, given from outside: a tray, a feeder, what a camera saw."""
@@ -233,6 +261,13 @@ class AssemblyPlan:
     """One for each name in ``order``."""
     unsolved: tuple[Unsolved, ...] = ()
     table: Table | None = None
+    fixture: Fixture | None = None
+    """What holds the base above the table; None if it stands on it."""
+    hands: int = 2
+    """How many hands there are."""
+    executable: bool | None = None
+    """Whether it can be carried out: complete, a contact at every moving step, nothing that floats or tips unheld, and
+    no step that takes more than ``hands``. None where that was not looked at."""
     overlaps: tuple[Overlap, ...] = ()
     identical: tuple[tuple[str, ...], ...] = ()
     notes: tuple[str, ...] = ()
@@ -258,6 +293,30 @@ class AssemblyPlan:
         return html_table(repr(self), ("step", "part", "motion", "contact"), rows)
 
     @property
+    def verdict(self) -> str:
+        """What the plan is worth, in figures: motions, contacts, most parts held at once, what is in a fixture."""
+        moving = [step for step in self.all_steps if step.moves]
+        words = [
+            f"motions {len(moving)}/{len(moving) + len(self.unsolved)}",
+            f"contacts {sum(step.contact is not None for step in moving)}/{len(moving)}",
+        ]
+        if self.executable is not None:
+            below = [step.subassembly for step in self.all_steps if step.subassembly is not None]
+            fixtures = [fixture for fixture in (self.fixture, *(each.fixture for each in below)) if fixture is not None]
+            parts = [name for fixture in fixtures for name in fixture.parts]
+            words += [
+                f"held {max((len(step.held) for step in self.all_steps), default=0)}",
+                f"fixture {few_words(parts) if parts else 'none'}",
+                "executable" if self.executable else f"not executable with {self.hands} hands",
+            ]
+        return " · ".join(words)
+
+    @property
+    def all_steps(self) -> tuple[Step, ...]:
+        """Every step, each followed by those inside its subassembly."""
+        return tuple(inner for step in self.steps for inner in step.all_steps)
+
+    @property
     def placed(self) -> tuple[str, ...]:
         """Parts that have a step of their own, inside subassemblies too, in the order in which they are placed."""
         return placed_parts(self.steps)
@@ -266,8 +325,8 @@ class AssemblyPlan:
 def _contact_words(step: Step) -> str:
     """Return what holds the part, with its quality, or why nothing does."""
     if step.contact is None:
-        return step.contact_reason or step.held
-    return f"{step.held}, quality {step.contact.quality:.3f}" if step.contact.kind == "grasp" else step.held
+        return step.contact_reason or step.moved_by
+    return f"{step.moved_by}, quality {step.contact.quality:.3f}" if step.contact.kind == "grasp" else step.moved_by
 
 
 def placed_parts(steps: tuple[Step, ...]) -> tuple[str, ...]:

@@ -91,7 +91,7 @@ def test_subassemblies_within_subassemblies() -> None:
     report = verify_plan(plan, parts)
     assert report.ok
     lines = report.lines()
-    assert lines[-1] == "verified: 8 steps hold"
+    assert lines[-1] == "verified: 8 steps hold; not executable"  # without contacts
     assert sum(line.startswith("        ok") for line in lines) == 2
 
 
@@ -257,5 +257,6 @@ def test_the_files_show_all_members(plan: AssemblyPlan, tmp_path: Path) -> None:
 def test_the_summary_names_the_members(plan: AssemblyPlan) -> None:
     lines = summary_lines(plan, PARTS)
     assert lines[0] == "complete and verified: 4 of 4 parts placed"
-    assert "subassembly of 2: front, back, along" in lines[3]
-    assert len(lines) == 6
+    assert lines[1].startswith("motions 3/3 · contacts ")
+    assert "subassembly of 2: front, back, along" in lines[4]
+    assert len(lines) == 7

@@ -22,6 +22,7 @@ from sashimono.plan import (
     AssemblyPlan,
     Contact,
     DeclaredHelix,
+    Fixture,
     Motion,
     MotionClass,
     Segment,
@@ -98,7 +99,10 @@ single_steps = recipe(
         start=st.integers(0, 9),
         stop=st.integers(0, 9),
     ),
+    held=st.lists(names, max_size=2).map(tuple),
+    hands=st.none() | st.integers(0, 5),
 )
+fixtures = st.none() | recipe(Fixture, parts=st.lists(names, max_size=2).map(tuple), height=numbers, reason=names)
 tables = st.none() | recipe(Table, normal=arrays(3), offset=numbers)
 
 
@@ -109,6 +113,7 @@ def step_of(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
         order=st.lists(names, max_size=2).map(tuple),
         steps=st.lists(inner, max_size=2).map(tuple),
         table=tables,
+        fixture=fixtures,
     )
     moving = st.lists(names, min_size=1, max_size=3).map(tuple)
     fields = st.fixed_dictionaries({"moving": moving, "subassembly": inside})
@@ -132,6 +137,9 @@ plans = recipe(
         max_size=2,
     ).map(tuple),
     table=tables,
+    fixture=fixtures,
+    hands=st.integers(1, 4),
+    executable=st.none() | st.booleans(),
     overlaps=st.lists(recipe(Overlap, first=names, second=names, volume=numbers, fraction=numbers), max_size=2).map(
         tuple
     ),

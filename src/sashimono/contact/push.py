@@ -17,6 +17,7 @@ from sashimono.contact.cone_program import Contacts
 from sashimono.contact.config import ContactConfig
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
+from sashimono.geometry.features.spread import spread
 from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
@@ -92,19 +93,8 @@ def find_supports(
     if not names:
         return Supports(np.zeros((0, 3)), np.zeros((0, 3)), ())
     points, normals = np.concatenate(points), np.concatenate(normals)
-    kept = _spread(np.concatenate([points / body.radius, 0.5 * normals], axis=1), config.max_supports)
+    kept = spread(np.concatenate([points / body.radius, 0.5 * normals], axis=1), config.max_supports)
     return Supports(points[kept], normals[kept], tuple(names[k] for k in kept))
-
-
-def _spread(rows: np.ndarray, count: int) -> list[int]:
-    """Indices of rows far from one another: the farthest from the mean, then each the farthest from those before."""
-    away = np.linalg.norm(rows - rows.mean(axis=0), axis=1)
-    kept = [int(away.argmax())]
-    nearest = np.linalg.norm(rows - rows[kept[0]], axis=1)
-    while len(kept) < count and nearest.max() > 1e-6:
-        kept.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, np.linalg.norm(rows - rows[kept[-1]], axis=1))
-    return kept
 
 
 def scaled(points: np.ndarray, normals: np.ndarray, center: np.ndarray, radius: float) -> Contacts:

@@ -19,6 +19,7 @@ from sashimono.plan import (
     AssemblyPlan,
     Contact,
     DeclaredHelix,
+    Fixture,
     Motion,
     MotionClass,
     Segment,
@@ -96,6 +97,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         },
         "interpolation": "geodesic",
         "table": _table_document(plan.table),
+        **_executable_document(plan),
         "parts": [{"name": name, "T_world_part": T} for name, T in plan.parts.items()],
         "order": plan.order,
         "steps": [_step_document(step) for step in plan.steps],
@@ -110,6 +112,20 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         "config": plan.config,
         "timings": plan.timings,
     }
+
+
+def _executable_document(plan: AssemblyPlan) -> dict[str, Any]:
+    """What was found of support and gravity, as far as these were looked at."""
+    out: dict[str, Any] = {"hands": plan.hands}
+    if plan.fixture is not None:
+        out["fixture"] = _fixture_document(plan.fixture)
+    if plan.executable is not None:
+        out["executable"] = plan.executable
+    return out
+
+
+def _fixture_document(fixture: Fixture) -> dict[str, Any]:
+    return {"parts": fixture.parts, "height": fixture.height, "reason": fixture.reason}
 
 
 def _unsolved_document(entry: Unsolved) -> dict[str, Any]:
@@ -142,6 +158,10 @@ def _step_document(step: Step) -> dict[str, Any]:
         out["grippers"] = {name: {"can": said is None, "reason": said} for name, said in step.grippers.items()}
     if step.declared is not None:
         out["declared"] = _declared_document(step.declared)
+    if step.held:
+        out["held"] = step.held
+    if step.hands is not None:
+        out["hands"] = step.hands
     if step.moving:
         out["moving"] = step.moving
     if step.subassembly is not None:
@@ -151,6 +171,8 @@ def _step_document(step: Step) -> dict[str, Any]:
             "table": _table_document(inside.table),
             "steps": [_step_document(inner) for inner in inside.steps],
         }
+        if inside.fixture is not None:
+            out["subassembly"]["fixture"] = _fixture_document(inside.fixture)
     return out
 
 
@@ -253,6 +275,9 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
         steps=tuple(_step(step) for step in document["steps"]),
         unsolved=_each(document["unsolved"], _unsolved),
         table=_table(document["table"]),
+        fixture=_fixture(document.get("fixture")),
+        hands=document.get("hands", 2),
+        executable=document.get("executable"),
         overlaps=_each(
             document.get("overlaps", ()),
             lambda o: Overlap(first=o["first"], second=o["second"], volume=o["volume"], fraction=o["fraction"]),
@@ -288,6 +313,8 @@ def _step(step: Mapping[str, Any]) -> Step:
         moving=tuple(step.get("moving", ())),
         subassembly=_subassembly(step["subassembly"]) if step.get("subassembly") is not None else None,
         declared=_declared(step.get("declared")),
+        held=tuple(step.get("held", ())),
+        hands=step.get("hands"),
     )
 
 
@@ -296,7 +323,14 @@ def _subassembly(inside: Mapping[str, Any]) -> Subassembly:
         order=tuple(inside["order"]),
         steps=tuple(_step(step) for step in inside["steps"]),
         table=_table(inside["table"]),
+        fixture=_fixture(inside.get("fixture")),
     )
+
+
+def _fixture(fixture: Mapping[str, Any] | None) -> Fixture | None:
+    if fixture is None:
+        return None
+    return Fixture(parts=tuple(fixture["parts"]), height=float(fixture["height"]), reason=fixture["reason"])
 
 
 def _declared(declared: Mapping[str, Any] | None) -> DeclaredHelix | None:

@@ -13,11 +13,12 @@ from sashimono.geometry import se3
 from sashimono.io.plan_json import read_plan
 from sashimono.io.raw import ReadConfig
 from sashimono.io.read import read_assembly
-from sashimono.plan import AssemblyPlan, Step, Table
+from sashimono.plan import AssemblyPlan, Fixture, Step, Subassembly, Table
 from sashimono.verify.body import SampledBody
 from sashimono.verify.compound import Compound
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.grasp import Surroundings, contact_problems
+from sashimono.verify.holding import PlacedParts
 from sashimono.verify.overlap import AssembledOverlaps
 from sashimono.verify.pairs import PairFinding, check_pair, check_table, pair_tolerance
 from sashimono.verify.report import StepReport, VerifyReport
@@ -37,27 +38,73 @@ def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
     """
     config = config or VerifyConfig()
     problems, notes = plan_problems(plan, assembly, config)
-    bodies = {
-        part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=config.samples)
-        for part in assembly.parts
-    }
-    flat = [name for name, body in bodies.items() if body.volume <= 0.0]
+    site = _site(plan, assembly, config)
+    flat = [name for name, body in site.bodies.items() if body.volume <= 0.0]
     problems += [f"{name!r} is not a closed, outward surface: it cannot be checked" for name in flat]
-    poses = {part.name: part.T_world_part for part in assembly.parts}
-    site = _Site(
-        assembly=assembly,
-        bodies=bodies,
-        overlaps=AssembledOverlaps(bodies, poses),
-        unsolved=frozenset(item.part for item in plan.unsolved),
-        config=config,
-    )
     complete = plan.status == "complete"
     if problems:
         notes = [*notes, "motions were not checked"]
         steps = _forms_only(plan.steps, site)
     else:
         steps = _check_level(plan.steps, plan.table, site)
-    return VerifyReport(problems=tuple(problems), steps=steps, notes=tuple(notes), complete=complete)
+        steps = _with_holds(plan, steps, plan.table, plan.fixture, _placed_parts(plan, site), site)
+    report = VerifyReport(problems=tuple(problems), steps=steps, notes=tuple(notes), complete=complete)
+    executable = _executable(plan, report)
+    if plan.executable and not executable:
+        report = replace(report, notes=(*report.notes, "the plan is called executable, which does not hold"))
+    return replace(report, executable=executable)
+
+
+def check_holds(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig | None = None) -> bool:
+    """Return whether what the plan says of hands and held parts holds, and they suffice; motions are not looked at.
+
+    For a plan whose motions and contacts hold. Whoever makes a plan asks this before calling it executable.
+    """
+    site = _site(plan, assembly, config or VerifyConfig())
+    bare = _forms_only(plan.steps, site)
+    if any(step.problems for step in bare):
+        return False
+    steps = _with_holds(plan, bare, plan.table, plan.fixture, _placed_parts(plan, site), site)
+    report = VerifyReport(problems=(), steps=steps, complete=plan.status == "complete")
+    return bool(_executable(plan, report))
+
+
+def _placed_parts(plan: AssemblyPlan, site: _Site) -> PlacedParts:
+    screwed = [frozenset((step.part, step.declared.other)) for step in plan.all_steps if step.declared is not None]
+    return PlacedParts(site.bodies, site.overlaps.poses, site.config, screwed)
+
+
+def _with_holds(
+    plan: AssemblyPlan | Subassembly,
+    reports: Sequence[StepReport],
+    table: Table | None,
+    fixture: Fixture | None,
+    placed: PlacedParts,
+    site: _Site,
+) -> tuple[StepReport, ...]:
+    """Add to the reports of one level, and of those below, what is said of hands and does not hold.
+
+    Where the form of a step is wrong, nothing is said of its level.
+    """
+    if any(site.forms(plan.steps)):
+        return tuple(reports)
+    out = []
+    for step, report, found in zip(plan.steps, reports, placed.hold_problems(plan.steps, table, fixture), strict=True):
+        below = step.subassembly
+        inside = () if below is None else _with_holds(below, report.inside, below.table, below.fixture, placed, site)
+        out.append(replace(report, hold_problems=found, inside=inside))
+    return tuple(out)
+
+
+def _executable(plan: AssemblyPlan, report: VerifyReport) -> bool | None:
+    """Whether somebody with as many hands can carry the plan out; None if it does not say what is held."""
+    steps = plan.all_steps
+    if any(step.hands is None for step in steps):
+        return None
+    enough = all((step.hands or 0) <= plan.hands for step in steps)
+    grasped = all(step.contact is not None for step in steps if len(step.motion.T_world_part) > 1)
+    unheld = any(each.hold_problems for step in report.steps for each in step.all_steps())
+    return report.ok and report.complete and enough and grasped and not unheld
 
 
 def verify_file(
@@ -114,6 +161,21 @@ class _Site:
         T_part_world = se3.inverse(self.overlaps.poses[step.part])
         parts = [(self.bodies[name], T_part_world @ self.overlaps.poses[name]) for name in step.moving]
         return Compound(step.part, parts, samples=self.config.samples)
+
+
+def _site(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> _Site:
+    bodies = {
+        part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=config.samples)
+        for part in assembly.parts
+    }
+    poses = {part.name: part.T_world_part for part in assembly.parts}
+    return _Site(
+        assembly=assembly,
+        bodies=bodies,
+        overlaps=AssembledOverlaps(bodies, poses),
+        unsolved=frozenset(item.part for item in plan.unsolved),
+        config=config,
+    )
 
 
 def _forms_only(steps: Sequence[Step], site: _Site) -> tuple[StepReport, ...]:

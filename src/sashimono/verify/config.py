@@ -48,3 +48,21 @@ class VerifyConfig:
     """Edges of the pyramid that stands for a friction cone in the force-closure check."""
     torsion_radius: float = 0.1
     """Soft finger: torsional friction over tangential friction, over the part's radius, when the plan states none."""
+    hold_gap: float = 0.036
+    """Gap up to which two parts count as touching where it is asked what stands, over the smaller one's smallest
+    extent."""
+    hold_table_gap: float = 0.012
+    """The same for the table, over the part's smallest extent."""
+    hold_friction: float = 0.31
+    """Friction coefficient between placed parts: no less than the planner's, so that only what surely falls is said to.
+    The next ones leave as much room."""
+    hold_edges: int = 8
+    """Edges of the pyramid that stands for a friction cone between placed parts."""
+    hold_steep: float = 0.45
+    """Walls whose normal is this near to level (sine of the angle) carry no weight by friction, unless clamped."""
+    hold_fastened: float = 0.016
+    """Depth above which a pair that overlaps as assembled is fastened, over the smaller one's smallest extent."""
+    hold_points: int = 40
+    """Most touching points taken of each pair."""
+    hold_tolerance: float = 0.02
+    """How fast a part may still fall, in the units of the linear program, in which 1 is free fall."""

@@ -16,6 +16,8 @@ class StepReport:
     """Plain-language reasons to refuse the step's motion; none if it holds."""
     contact_problems: tuple[str, ...] = ()
     """Reasons to refuse its contact."""
+    hold_problems: tuple[str, ...] = ()
+    """What falls or tips though nobody holds it, and hands that were miscounted. The motion holds all the same."""
     notes: tuple[str, ...] = ()
     """What could not be checked or is worth knowing, though no reason to refuse."""
     max_penetration: float = 0.0
@@ -46,6 +48,9 @@ class StepReport:
 
     def line(self) -> str:
         """Return one readable line."""
+        return "; ".join([self._motion_line(), *(f"not executable: {problem}" for problem in self.hold_problems)])
+
+    def _motion_line(self) -> str:
         wrong = self.problems + self.contact_problems
         head = f"{'BAD' if wrong else 'ok '} {self.index + 1:3d} {self.part}"
         if wrong:
@@ -66,6 +71,9 @@ class VerifyReport:
     notes: tuple[str, ...] = ()
     complete: bool = True
     """Whether the plan claims to place every part."""
+    executable: bool | None = None
+    """Whether it can be carried out: complete, nothing wrong, a contact at every moving step, nothing falls unheld, and
+    no step takes more hands than there are. None where the plan does not say what is held."""
 
     @property
     def ok(self) -> bool:
@@ -79,6 +87,7 @@ class VerifyReport:
         if self.ok:
             verdict = f"verified: {len(steps)} steps hold"
             verdict += "" if self.complete else "; the plan is partial: not every part has a step"
+            verdict += "" if self.executable is None else "; executable" if self.executable else "; not executable"
         else:
             verdict = f"refuted: {bad} of {len(steps)} steps do not hold, {len(self.problems)} problems of the plan"
         return [

@@ -129,6 +129,7 @@ def _step(played: PlayedStep, timing: StepTiming, assembly: Assembly) -> dict[st
         "contact": None if step.contact is None else _contact(step.contact, own_times),
         "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
+        "held": list(step.held),
         "penetration": _finite(evidence.get("max_penetration")),
         "tolerance": _finite(evidence.get("tolerance")),
     }
@@ -187,6 +188,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Vi
     json = {
         "title": PurePath(plan.source.path.replace("\\", "/")).name or "assembly",
         "status": plan.status,
+        "verdict": plan.verdict,
         "version": plan.version,
         "up": list(UP) if plan.table is None else plan.table.normal.tolist(),
         "table": None if plan.table is None else plan.table.offset,

@@ -61,6 +61,7 @@ function describeStep(step) {
   }
   if (step.contact) facts.push(contactWords(step));
   else if (step.contactReason) facts.push(`no contact: ${step.contactReason}`);
+  if (step.held.length) facts.push(`hold ${step.held.join(", ")}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");
 }
@@ -93,7 +94,8 @@ class Panel {
       element("dt", { textContent: name }), element("dd", { textContent: value }),
     ]));
     const header = element("header", {}, element("h1", { textContent: plan.title }),
-      element("span", { className: complete || unplanned ? "badge" : "badge partial", textContent: badge }), list);
+      element("span", { className: complete || unplanned ? "badge" : "badge partial", textContent: badge }),
+      unplanned ? null : element("p", { className: "note", textContent: plan.verdict }), list);
     const lists = element("div", { id: "lists" });
     if (plan.unsolved.length) {
       lists.append(element("h2", { textContent: "Unsolved" }), element("ol", {}, ...plan.unsolved.map((item) => this.#unsolvedRow(item))));

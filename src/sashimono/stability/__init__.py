@@ -1,0 +1,9 @@
+"""Support and gravity: does a partial assembly stand by itself, and if not, what is the least that must be held?"""
+
+from sashimono.stability.config import StabilityConfig
+from sashimono.stability.holding import Holding, fewest_held
+from sashimono.stability.plan_holds import hold_plan
+from sashimono.stability.statics import Statics
+from sashimono.stability.touching import Touch, Touching
+
+__all__ = ["Holding", "StabilityConfig", "Statics", "Touch", "Touching", "fewest_held", "hold_plan"]

@@ -1,0 +1,83 @@
+"""What must be held at each step of a plan, and what a fixture holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sashimono.geometry import se3
+from sashimono.geometry.body import Body
+from sashimono.plan import AssemblyPlan, Fixture, Step, Table
+from sashimono.stability.config import StabilityConfig
+from sashimono.stability.holding import fewest_held
+from sashimono.stability.statics import Statics
+from sashimono.stability.touching import Touching
+
+
+def hold_plan(plan: AssemblyPlan, bodies: Mapping[str, Body], *, config: StabilityConfig) -> AssemblyPlan:
+    """Return the plan with what each step must hold, how many hands it takes, and the fixtures that it uses.
+
+    A plan without a table is returned as it is: nothing says where down is. ``bodies`` has every placed part by name.
+    """
+    if plan.table is None:
+        return plan
+    screwed = [(step.part, step.declared.other) for step in plan.all_steps if step.declared is not None]
+    touching = Touching(bodies, plan.parts, config=config, fastened=screwed)
+    steps, fixture = _hold_level(plan.steps, plan.table, touching)
+    return replace(plan, steps=steps, fixture=fixture)
+
+
+def _hold_level(steps: Sequence[Step], table: Table, touching: Touching) -> tuple[tuple[Step, ...], Fixture | None]:
+    """Steps that follow one another on one table, those inside subassemblies first."""
+    fixture = _fixture(steps, table, touching)
+    statics = Statics(touching, table)
+    fixed = () if fixture is None else fixture.parts
+    out: list[Step] = []
+    held: tuple[str, ...] = ()
+    for step in steps:
+        found = fewest_held(
+            statics, (*step.fixed, *step.members), fixed=fixed, preferred=(*held, *step.members) if step.moves else ()
+        )
+        hands = max(len(held) + step.moves, len(found.held))
+        held = found.held
+        inside = step.subassembly
+        if inside is not None and inside.table is not None:
+            inner, below = _hold_level(inside.steps, inside.table, touching)
+            inside = replace(inside, steps=inner, fixture=below)
+        evidence = step.motion.evidence if found.fewest else {**step.motion.evidence, "held_fewest": False}
+        motion = replace(step.motion, evidence=evidence)
+        out.append(replace(step, held=held, hands=hands, subassembly=inside, motion=motion))
+    return tuple(out), fixture
+
+
+def _fixture(steps: Sequence[Step], table: Table, touching: Touching) -> Fixture | None:
+    """The fixture in which the base stands above the table, with the reason; None if it stands on the table."""
+    if not steps:
+        return None
+    base = steps[0].part
+    low = touching.bodies[base].lowest(touching.poses[base], table.normal)
+    height = low - table.offset
+    standing = [step.part for step in steps if not step.moves]
+    lowest = min(touching.bodies[name].lowest(touching.poses[name], table.normal) for name in standing)
+    if lowest - table.offset <= touching.config.table_gap * touching.bodies[base].smallest_extent:
+        return None
+    lower = [step.part for step in steps if _lowest_inserted(step, table, touching) < lowest]
+    names = ", ".join(lower[:3]) + (f" and {len(lower) - 3} more" if len(lower) > 3 else "")
+    reason = f"on the way in, {names} comes lower than the base" if lower else "the table lies lower than the base"
+    return Fixture(parts=tuple(standing), height=float(height), reason=reason)
+
+
+def _lowest_inserted(step: Step, table: Table, touching: Touching) -> float:
+    """Return the least height of what a step brings, over its insertion [m]."""
+    starts = [segment.start for segment in step.motion.segments if segment.kind == "insertion"]
+    if not starts:
+        return np.inf
+    first = min(starts)
+    back = se3.inverse(touching.poses[step.part])
+    return min(
+        touching.bodies[name].lowest(T @ back @ touching.poses[name], table.normal)
+        for T in step.motion.T_world_part[first:]
+        for name in step.members
+    )

@@ -1,0 +1,223 @@
+"""Static equilibrium of placed parts as a linear program.
+
+Unknown are the forces at the touching points, each in a friction cone linearised by four edges, two of them level and
+two along the steepest line. They only push. They must balance the weight of every rigid group: parts that are fastened
+to one another. Density and gravity cancel, so that weights are volumes.
+
+Forces that balance one another (a squeeze) are no answer to gravity: a peg pushed up into a hole that fits it exactly
+would hang there by a squeeze that nothing causes. So the friction of steep walls has no part along the steepest line,
+unless two fastened parts clamp what lies between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+from scipy.sparse import csc_array, eye_array, hstack
+
+from sashimono.plan import Table
+from sashimono.stability.touching import Touch, Touching
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Component:
+    """Free rigid groups that hang together by touching, and the linear program of their balance."""
+
+    groups: tuple[tuple[str, ...], ...]
+    """Parts by group."""
+    wrenches: csc_array
+    """(6 a group, forces): what each unit force does to each group, over the group's weight and radius."""
+    wanted: Float[np.ndarray, "row"]
+    """What the forces must add up to."""
+    tolerance: float
+    """Imbalance that is accepted, in sum."""
+    alone: dict[tuple[tuple[str, ...], bytes], bool] = field(default_factory=dict)
+    """Which groups balance while all others are held, as far as that was asked, by what pushes them."""
+
+    @property
+    def forces(self) -> int:
+        """How many unit forces there are."""
+        return len(self.wrenches.indptr) - 1
+
+    def imbalance(self, held: Collection[int] = ()) -> Float[np.ndarray, "group"]:
+        """Return what stays unbalanced of each group if these are held, least in sum, over weight and radius.
+
+        Held groups take any wrench: nothing of theirs is unbalanced.
+        """
+        rows = len(self.wanted)
+        cost = np.ones((len(self.groups), 6))
+        cost[list(held)] = 0.0
+        cost = cost.reshape(-1)
+        forces = self.forces
+        # none of the forces costs anything; what they leave over does
+        answer = linprog(
+            np.concatenate([np.zeros(forces), cost, cost]),
+            A_eq=hstack([self.wrenches, eye_array(rows), -eye_array(rows)], format="csc"),
+            b_eq=self.wanted,
+            method="highs",
+        )
+        if answer.x is None:  # HiGHS gave up: nothing is shown to stand
+            return np.where(np.isin(np.arange(len(self.groups)), list(held)), 0.0, np.inf)
+        left = answer.x[forces : forces + rows] + answer.x[forces + rows :]
+        return (cost * left).reshape(-1, 6).sum(axis=1)
+
+    def needed(self) -> list[int]:
+        """Return the groups that do not balance though all others are held: each of them must be held itself."""
+        out = []
+        for k in range(len(self.groups)):
+            block = self.wrenches[6 * k : 6 * k + 6]
+            block = block[:, np.unique(block.nonzero()[1])].toarray()
+            key = (self.groups[k], block.tobytes())
+            if key not in self.alone:
+                one = replace(self, groups=(self.groups[k],), wrenches=csc_array(block), wanted=self.wanted[:6])
+                self.alone[key] = one.stands()
+            if not self.alone[key]:
+                out.append(k)
+        return out
+
+    def stands(self, held: Collection[int] = ()) -> bool:
+        """Return whether all others balance if these groups are held."""
+        return bool(self.imbalance(held).sum() <= self.tolerance)
+
+
+class Statics:
+    """The balance of sets of placed parts on one table."""
+
+    def __init__(self, touching: Touching, table: Table) -> None:
+        """Take in the touching points of all parts, and the table."""
+        self.touching = touching
+        self.table = table
+        self.config = touching.config
+        self._alone: dict[tuple[tuple[str, ...], bytes], bool] = {}
+
+    def components(self, placed: Sequence[str], fixed: Collection[str] = ()) -> list[Component]:
+        """Return the free groups of these placed parts, by what hangs together; ``fixed`` is in the fixture."""
+        groups = self._groups(placed)
+        free = [k for k, group in enumerate(groups) if not set(group) & set(fixed)]
+        touches = self._touches(groups)
+        roots = _Roots(len(groups))
+        for first, second in touches:
+            if first in free and second in free:
+                roots.join(first, second)
+        together: dict[int, list[int]] = {}
+        for k in free:
+            together.setdefault(roots.find(k), []).append(k)
+        return [self._component(groups, members, touches) for members in together.values()]
+
+    def _groups(self, placed: Sequence[str]) -> list[tuple[str, ...]]:
+        """Rigid groups: parts that are fastened to one another, in the order of placing."""
+        roots = _Roots(len(placed))
+        for (i, first), (j, second) in combinations(enumerate(placed), 2):
+            if self.touching.fastened(first, second):
+                roots.join(i, j)
+        groups: dict[int, list[str]] = {}
+        for k, name in enumerate(placed):
+            groups.setdefault(roots.find(k), []).append(name)
+        return [tuple(group) for group in groups.values()]
+
+    def _touches(self, groups: Sequence[tuple[str, ...]]) -> dict[tuple[int, int], tuple[Touch, bool]]:
+        """Touching points of each pair of groups, and whether one clamps the other."""
+        found = {}
+        for (i, first), (j, second) in combinations(enumerate(groups), 2):
+            pairs = [(m, n) for m in range(len(first)) for n in range(len(second))]
+            touching = [self.touching.between(first[m], second[n]) for m, n in pairs]
+            if any(len(touch.points) for touch in touching):
+                points = np.concatenate([touch.points for touch in touching])
+                normals = np.concatenate([touch.normals for touch in touching])
+                owners = np.repeat(np.array(pairs), [len(touch.points) for touch in touching], axis=0)
+                clamped = any(self._clamps(normals, owner) for owner in owners.T)
+                found[i, j] = (Touch(points, normals), clamped)
+        return found
+
+    def _clamps(self, normals: np.ndarray, owners: np.ndarray) -> bool:
+        """Whether two different parts of one group push against each other from both sides of the other group."""
+        opposing = normals @ normals.T < -self.config.opposing
+        return bool((opposing & (owners[:, None] != owners[None, :])).any())
+
+    def _component(
+        self,
+        groups: Sequence[tuple[str, ...]],
+        members: Sequence[int],
+        touches: dict[tuple[int, int], tuple[Touch, bool]],
+    ) -> Component:
+        up = self.table.normal
+        row = {group: k for k, group in enumerate(members)}
+        masses = [self._mass(groups[k]) for k in members]
+        heaviest = max(weight for weight, _, _ in masses)
+        masses = [(max(weight, self.config.least_weight * heaviest), *rest) for weight, *rest in masses]
+        columns = [np.zeros((6 * len(members), 0))]
+
+        def add(touch: Touch, clamped: bool, sides: list[tuple[int, float]]) -> None:
+            points, forces = self._edges(touch, clamped)
+            lightest = min(masses[row[group]][0] for group, _ in sides)
+            block = np.zeros((6 * len(members), len(points)))
+            for group, sign in sides:
+                weight, center, radius = masses[row[group]]
+                acting = sign * forces.T * (lightest / weight)
+                arms = (points - center).T / radius
+                block[6 * row[group] : 6 * row[group] + 3] = acting
+                block[6 * row[group] + 3 : 6 * row[group] + 6] = np.cross(arms, acting, axis=0)
+            columns.append(block)
+
+        for (first, second), (touch, clamped) in touches.items():
+            sides = [(group, sign) for group, sign in ((first, 1.0), (second, -1.0)) if group in row]
+            if sides:
+                add(touch, clamped, sides)
+        for group in members:
+            for name in groups[group]:
+                touch = self.touching.on_table(name, self.table)
+                if len(touch.points):
+                    add(touch, False, [(group, 1.0)])
+        wanted = np.tile(np.concatenate([up, np.zeros(3)]), len(members))
+        return Component(
+            groups=tuple(groups[k] for k in members),
+            wrenches=csc_array(np.concatenate(columns, axis=1)),
+            wanted=wanted,
+            tolerance=self.config.tolerance,
+            alone=self._alone,
+        )
+
+    def _mass(self, group: Sequence[str]) -> tuple[float, np.ndarray, float]:
+        """Volume [m³], centre of mass in the world and radius about it [m] of a rigid group."""
+        bodies, poses = self.touching.bodies, self.touching.poses
+        volumes = np.array([bodies[name].mass_properties.volume for name in group])
+        centers = np.array([poses[name][:3, :3] @ bodies[name].mass_center + poses[name][:3, 3] for name in group])
+        center = (volumes[:, None] * centers).sum(axis=0) / volumes.sum()
+        reach = [np.linalg.norm(bodies[n].center_world(poses[n]) - center) + bodies[n].radius for n in group]
+        return float(volumes.sum()), center, float(max(reach))
+
+    def _edges(self, touch: Touch, clamped: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Edges of the friction cones: the point and the force of each."""
+        up, friction = self.table.normal, self.config.friction
+        normals = touch.normals
+        level = np.cross(up, normals)
+        sizes = np.linalg.norm(level, axis=1, keepdims=True)
+        any_level = np.eye(3)[int(np.argmin(np.abs(up)))]
+        any_level = any_level - (any_level @ up) * up
+        level = np.where(sizes > 1e-6, level / np.maximum(sizes, 1e-30), any_level / np.linalg.norm(any_level))
+        steepest = np.cross(normals, level)
+        weightless = (np.abs(normals @ up) < self.config.steep) & (not clamped)
+        along = np.where(weightless[:, None], 0.0, steepest)
+        forces = [normals + friction * t for t in (level, -level, along, -along)]
+        return np.tile(touch.points, (4, 1)), np.concatenate(forces)
+
+
+class _Roots:
+    """Sets that are joined: each has the least of its members as its root."""
+
+    def __init__(self, count: int) -> None:
+        self._above = list(range(count))
+
+    def find(self, k: int) -> int:
+        while self._above[k] != k:
+            k = self._above[k]
+        return k
+
+    def join(self, i: int, j: int) -> None:
+        low, high = sorted((self.find(i), self.find(j)))
+        self._above[high] = low

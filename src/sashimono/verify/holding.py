@@ -1,0 +1,299 @@
+"""What falls or tips, though nobody holds it? The question put the other way round than a planner would.
+
+Not forces are looked for that balance the weights, but a motion of the placed parts in which weights sink and no
+touching point resists: every force that a touching point can exert (an edge of its friction cone) does no negative
+work. By duality there is such a motion exactly if no forces balance. Its linear program shows which parts go.
+
+Weights are volumes: all parts are of one density. Walls that are nearly upright carry no weight by friction, for
+nothing shows that they squeeze; unless two fastened parts clamp what is between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+from scipy.sparse import csr_array, lil_array, vstack
+
+from sashimono.geometry import se3
+from sashimono.plan import Fixture, Step, Table
+from sashimono.verify.body import SampledBody
+from sashimono.verify.config import VerifyConfig
+from sashimono.verify.overlap import sampled_depth
+from sashimono.verify.structure import members
+
+_OPPOSING = -0.87
+_FACING = -0.65
+_LEAST_WEIGHT = 1e-4
+_INSET = 0.02
+
+
+class _Contact(NamedTuple):
+    """Points at which one part can push another, and the directions into the pushed one; world frame."""
+
+    points: Float[np.ndarray, "point 3"]
+    normals: Float[np.ndarray, "point 3"]
+
+
+class PlacedParts:
+    """Parts at their assembled poses: which touch, which are fastened, and which fall."""
+
+    def __init__(
+        self,
+        bodies: Mapping[str, SampledBody],
+        poses: Mapping[str, Float[np.ndarray, "4 4"]],
+        config: VerifyConfig,
+        screwed: Collection[frozenset[str]] = (),
+    ) -> None:
+        """Take in all parts; ``screwed`` are pairs that a declared thread fastens."""
+        self._bodies = bodies
+        self._poses = poses
+        self._config = config
+        self._screwed = frozenset(screwed)
+        self._contacts: dict[tuple[str, str], _Contact] = {}
+        self._depths: dict[frozenset[str], float] = {}
+        self._boxes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._skins: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+
+    def hold_problems(
+        self, steps: Sequence[Step], table: Table | None, fixture: Fixture | None
+    ) -> list[tuple[str, ...]]:
+        """Return for each of these steps, which follow one another on one table, what nobody holds.
+
+        Nothing is said of a step that does not say how many hands it takes.
+        """
+        fixed = () if fixture is None else fixture.parts
+        problems = []
+        before: tuple[str, ...] = ()
+        for step in steps:
+            placed = (*step.fixed, *members(step))
+            if table is None or step.hands is None:
+                problems.append(())
+                continue
+            found = [f"{name!r} is held, but not in place" for name in step.held if name not in placed]
+            at_rest = {each.part for each in steps if len(each.motion.T_world_part) == 1}
+            found += [f"{name!r} is in the fixture, but brought later" for name in fixed if name not in at_rest]
+            hands = max(len(before) + (len(step.motion.T_world_part) > 1), len(step.held))
+            if step.hands != hands:
+                found.append(f"takes {hands} hands, not {step.hands}")
+            falling = self.falling(placed, {*step.held, *fixed}, table)
+            found += [f"{name} floats or tips, and is not held" for name in falling]
+            problems.append(tuple(found))
+            before = step.held
+        return problems
+
+    def falling(self, placed: Sequence[str], held: Collection[str], table: Table) -> list[str]:
+        """Return the parts that sink in the motion in which most weight sinks, if any does."""
+        groups = self._fastened_groups(placed)
+        loose = [group for group in groups if not set(group) & set(held)]
+        if not loose:
+            return []
+        place = {name: k for k, group in enumerate(loose) for name in group}
+        masses = [self._mass(group) for group in loose]
+        heaviest = max(mass[0] for mass in masses)
+        weights = [max(mass[0], _LEAST_WEIGHT * heaviest) for mass in masses]
+        owner = {name: k for k, group in enumerate(groups) for name in group}
+        clamping = self._clamping(groups)
+        work = []
+        for i, first in enumerate(placed):
+            for second in (*placed[:i], None):
+                if (second is not None and owner[first] == owner[second]) or not {first, second} & set(place):
+                    continue
+                contact = self._on_table(first, table) if second is None else self._contact(first, second)
+                if len(contact.points):
+                    clamped = second is not None and frozenset((owner[first], owner[second])) in clamping
+                    points, forces = self._forces(contact, table.normal, clamped)
+                    work.append(self._work(points, forces, (first, second), place, masses, weights))
+        sinking = self._sinking(work, len(loose), table.normal)
+        return [name for k, group in enumerate(loose) if sinking[k] for name in group]
+
+    def _work(
+        self,
+        points: np.ndarray,
+        forces: np.ndarray,
+        pair: tuple[str, str | None],
+        place: Mapping[str, int],
+        masses: Sequence[tuple[float, np.ndarray, float]],
+        weights: Sequence[float],
+    ) -> csr_array:
+        """Work of the forces between two parts, one a row, per unit of motion of each loose group."""
+        signed = zip(pair, (1.0, -1.0), strict=True)
+        sides = [(place[name], sign) for name, sign in signed if name is not None and name in place]
+        least = min(weights[k] for k, _ in sides)
+        work = lil_array((len(points), 6 * len(masses)))
+        for k, sign in sides:
+            _, center, radius = masses[k]
+            wrenches = np.concatenate([forces, np.cross(points - center, forces) / radius], axis=1)
+            work[:, 6 * k : 6 * k + 6] = sign * least / weights[k] * wrenches
+        return work.tocsr()
+
+    def _sinking(self, work: Sequence[csr_array], count: int, up: np.ndarray) -> np.ndarray:
+        """Which groups sink in the worst motion: maximise what sinks, such that no touching force does negative work.
+
+        Motions are counted in units in which each group has the same weight; none is faster than 1.
+        """
+        downward = np.concatenate([-up, np.zeros(3)])
+        if not work:
+            return np.ones(count, dtype=bool)
+        resisted = -vstack(work, format="csr")
+        answer = linprog(
+            -np.tile(downward, count),
+            A_ub=resisted,
+            b_ub=np.zeros(resisted.shape[0]),
+            bounds=(-1.0, 1.0),
+            method="highs",
+        )
+        if answer.x is None:  # HiGHS gave up: nothing is shown to stand
+            return np.ones(count, dtype=bool)
+        if -answer.fun <= self._config.hold_tolerance:
+            return np.zeros(count, dtype=bool)
+        falls = answer.x.reshape(count, 6) @ downward
+        return falls >= min(float(falls.max()), self._config.hold_tolerance)
+
+    def _forces(self, contact: _Contact, up: np.ndarray, clamped: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Points and edges of the friction cones about the normals, some of them level; on steep walls, only those."""
+        points, normals = contact
+        across = np.cross(normals, up)
+        flat = np.linalg.norm(across, axis=1) < 1e-6
+        across[flat] = np.cross(normals[flat], np.eye(3)[int(np.abs(up).argmin())])
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        steepest = np.cross(normals, across)
+        angles = 2.0 * np.pi * np.arange(self._config.hold_edges) / self._config.hold_edges
+        wall = (np.abs(normals @ up) < self._config.hold_steep) & (not clamped)
+        around = [np.cos(angle) * across + np.sin(angle) * steepest for angle in angles]
+        level = [np.sign(np.cos(angle)) * across for angle in angles]
+        forces = [
+            normals + self._config.hold_friction * np.where(wall[:, None], sideways, full)
+            for full, sideways in zip(around, level, strict=True)
+        ]
+        return np.tile(points, (len(forces), 1)), np.concatenate(forces)
+
+    def _fastened_groups(self, placed: Sequence[str]) -> list[list[str]]:
+        groups: list[list[str]] = []
+        for name in placed:
+            joined = [group for group in groups if any(self._fastened(name, other) for other in group)]
+            groups = [group for group in groups if group not in joined]
+            groups.append([*(other for group in joined for other in group), name])
+        return groups
+
+    def _fastened(self, first: str, second: str) -> bool:
+        key = frozenset((first, second))
+        if key not in self._depths:
+            T = se3.inverse(self._poses[second]) @ self._poses[first]
+            a, b = self._bodies[first], self._bodies[second]
+            meet = self._boxes_meet(first, second, 0.0)
+            self._depths[key] = sampled_depth(a, b, T) / min(a.smallest_extent, b.smallest_extent) if meet else 0.0
+        return key in self._screwed or self._depths[key] > self._config.hold_fastened
+
+    def _clamping(self, groups: Sequence[Sequence[str]]) -> set[frozenset[int]]:
+        """Pairs of groups of which two parts of one push on the other from opposite sides."""
+        found: set[frozenset[int]] = set()
+        for a, clamp in enumerate(groups):
+            for b, between in enumerate(groups):
+                if a == b or len(clamp) == 1:
+                    continue
+                pushes = [np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in clamp]
+                if any((one @ other.T < _OPPOSING).any() for one, other in combinations(pushes, 2)):
+                    found.add(frozenset((a, b)))
+        return found
+
+    def _mass(self, group: Sequence[str]) -> tuple[float, np.ndarray, float]:
+        volumes, centers = [], []
+        for name in group:
+            volumes.append(self._bodies[name].volume)
+            centers.append(se3.apply(self._poses[name], self._bodies[name].center_of_mass[None])[0])
+        center = np.average(centers, axis=0, weights=volumes)
+        far = [np.linalg.norm(self._vertices(name) - center, axis=1).max() for name in group]
+        return float(sum(volumes)), center, float(max(far))
+
+    def _vertices(self, name: str) -> Float[np.ndarray, "vertex 3"]:
+        return se3.apply(self._poses[name], self._bodies[name].vertices)
+
+    def _boxes_meet(self, first: str, second: str, gap: float) -> bool:
+        (low_a, high_a), (low_b, high_b) = self._box(first), self._box(second)
+        return bool((low_a <= high_b + gap).all() and (low_b <= high_a + gap).all())
+
+    def _box(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        if name not in self._boxes:
+            points = self._vertices(name)
+            self._boxes[name] = (points.min(axis=0), points.max(axis=0))
+        return self._boxes[name]
+
+    def _on_table(self, name: str, table: Table) -> _Contact:
+        points = self._vertices(name)
+        height = points @ table.normal - table.offset
+        points = points[np.abs(height) <= self._config.hold_table_gap * self._bodies[name].smallest_extent]
+        points = _far_apart(points, np.zeros_like(points), 2 * self._config.hold_points)[0]
+        return _Contact(points, np.tile(table.normal, (len(points), 1)))
+
+    def _contact(self, first: str, second: str) -> _Contact:
+        """Where the second part can push the first."""
+        if (first, second) not in self._contacts:
+            least = min(self._bodies[first].smallest_extent, self._bodies[second].smallest_extent)
+            gap = self._config.hold_gap * least
+            points, normals = np.zeros((0, 3)), np.zeros((0, 3))
+            if self._boxes_meet(first, second, gap):
+                on_first, back = self._meeting(first, second, gap)
+                on_second, into_second = self._meeting(second, first, gap)
+                points = np.concatenate([on_first, on_second])
+                normals = np.concatenate([back, -into_second])
+                points, normals = _far_apart(points, normals, self._config.hold_points)
+            self._contacts[first, second] = _Contact(points, normals)
+            self._contacts[second, first] = _Contact(points, -normals)
+        return self._contacts[first, second]
+
+    def _meeting(self, name: str, other: str, gap: float) -> tuple[np.ndarray, np.ndarray]:
+        """Points of one part's surface on the other's, and the other's outward normals there, in the world."""
+        points, normals = self._skin(name)
+        target, T = self._bodies[other], self._poses[other]
+        seen = se3.apply(se3.inverse(T), points)
+        near = target.box_distance(seen) <= gap
+        points, normals, seen = points[near], normals[near], seen[near]
+        if not len(points):
+            return points, normals
+        meet = np.abs(target.distance(seen)) <= gap
+        points, normals, seen = points[meet], normals[meet], seen[meet]
+        if not len(points):
+            return points, normals
+        outward = target.nearest_normal(seen) @ T[:3, :3].T
+        facing = (outward * normals).sum(axis=1) < _FACING
+        return points[facing], outward[facing]
+
+    def _skin(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Points of a part's faces with the faces' normals, in the world: near their corners, and between."""
+        if name not in self._skins:
+            body, T = self._bodies[name], self._poses[name]
+            triangles = body.vertices[body.faces]
+            normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+            lengths = np.linalg.norm(normals, axis=1)
+            triangles, normals = triangles[lengths > 0.0], normals[lengths > 0.0] / lengths[lengths > 0.0, None]
+            middles = triangles.mean(axis=1, keepdims=True)
+            corners = (1.0 - _INSET) * triangles + _INSET * middles
+            points = np.concatenate([corners, middles], axis=1).reshape(-1, 3)
+            between = body.tree.centers[body.tree.between]
+            points = np.concatenate([points, between])
+            normals = np.concatenate([np.repeat(normals, 4, axis=0), body.nearest_normal(between)])
+            self._skins[name] = (se3.apply(T, points), normals @ T[:3, :3].T)
+        return self._skins[name]
+
+
+def _far_apart(points: np.ndarray, normals: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """At most so many of the points: the outermost along directions spread over the sphere, each of its normal's kind.
+
+    The outermost bound what a force anywhere between them can do.
+    """
+    if len(points) <= count:
+        return points, normals
+    kinds = np.unique(np.round(normals), axis=0, return_inverse=True)[1].reshape(-1)
+    directions = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
+    chosen: list[int] = []
+    for direction in directions:
+        for kind in range(int(kinds.max()) + 1):
+            rows = np.nonzero(kinds == kind)[0]
+            chosen.append(int(rows[(points[rows] @ direction).argmax()]))
+    kept = sorted(set(chosen))
+    return points[kept], normals[kept]

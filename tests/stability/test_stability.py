@@ -1,0 +1,130 @@
+"""Support and gravity: partial assemblies with known answers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from solids import assembly, bolt, box, rod
+
+from sashimono.assembly import Assembly
+from sashimono.bodies import make_bodies
+from sashimono.plan import Table
+from sashimono.stability import Holding, StabilityConfig, Statics, Touching, fewest_held
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def holding(
+    parts: Assembly,
+    floor: float,
+    *,
+    placed: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    up: np.ndarray = UP,
+    config: StabilityConfig | None = None,
+    fastened: Sequence[tuple[str, str]] = (),
+    preferred: Sequence[str] = (),
+) -> Holding:
+    """What must be held of these parts on a table at this height [m]."""
+    poses = {part.name: part.T_world_part for part in parts.parts}
+    touching = Touching(make_bodies(parts), poses, config=config or StabilityConfig(), fastened=fastened)
+    statics = Statics(touching, Table(normal=up, offset=floor))
+    return fewest_held(statics, placed or parts.names, fixed=fixed, preferred=preferred)
+
+
+def stack(shift: float, gap: float = 0.0) -> Assembly:
+    """A cube of 20 mm on another, shifted by some way and lifted by a gap."""
+    low = box((0.02, 0.02, 0.02), (0.0, 0.0, 0.01))
+    return assembly(low=low, high=box((0.02, 0.02, 0.02), (shift, 0.0, 0.03 + gap)))
+
+
+@pytest.mark.parametrize(("shift", "held"), [(0.0, ()), (0.0095, ()), (0.0105, ("high",)), (0.03, ("high",))])
+def test_a_cube_stands_on_another_while_its_centre_is_above_it(shift: float, held: tuple[str, ...]) -> None:
+    assert holding(stack(shift), 0.0) == Holding(held=held, fewest=True)
+
+
+def test_what_hangs_in_the_air_is_held() -> None:
+    assert holding(stack(0.0, gap=0.002), 0.0).held == ("high",)
+    assert holding(stack(0.0), -0.05).held == ("low",)  # the table is far below: one hand carries both
+    assert holding(stack(0.0), -0.05, fixed=["low"]).held == ()
+
+
+def test_where_up_is_counts() -> None:
+    # lying on the side, each of the two cubes stands by itself
+    assert holding(stack(0.0105), -0.01, up=np.array([0.0, 1.0, 0.0])).held == ()
+
+
+def test_friction_holds_on_a_slope_up_to_its_angle() -> None:
+    for angle, held in ((15.0, ()), (18.0, ("block",))):  # atan 0.3 = 16.7 degrees
+        wedge = box((0.2, 0.04, 0.04)).rotate((0.0, angle, 0.0))
+        block = box((0.04, 0.02, 0.01), (0.0, 0.0, 0.025)).rotate((0.0, angle, 0.0))
+        assert holding(assembly(wedge=wedge, block=block), -1.0, fixed=["wedge"]).held == held
+
+
+def test_a_peg_in_an_exact_hole_is_not_held_by_a_squeeze() -> None:
+    plate = box((0.06, 0.06, 0.02)) - rod(0.005, 0.04)
+    parts = assembly(plate=plate, peg=rod(0.005, 0.04))
+    assert holding(parts, -1.0, fixed=["plate"]).held == ("peg",)
+    on_its_side = np.array([1.0, 0.0, 0.0])
+    assert holding(parts, -1.0, fixed=["plate"], up=on_its_side).held == ()
+    assert holding(parts, -0.02, placed=["peg", "plate"], fixed=["plate"]).held == ()  # it stands on the table
+
+
+def test_an_interference_fit_and_a_declared_pair_are_fastened() -> None:
+    plate = box((0.06, 0.06, 0.02)) - rod(0.0047, 0.04)
+    assert holding(assembly(plate=plate, peg=rod(0.005, 0.04)), -1.0, fixed=["plate"]).held == ()
+    loose = assembly(plate=box((0.06, 0.06, 0.02)) - rod(0.005, 0.04), peg=rod(0.005, 0.04))
+    assert holding(loose, -1.0, fixed=["plate"], fastened=[("peg", "plate")]).held == ()
+
+
+def test_a_screw_hangs_in_its_thread() -> None:
+    radius, ridge = 0.006, 0.0015
+    block = box((0.04, 0.04, 0.03)) - bolt(radius, ridge, 0.032)
+    parts = assembly(block=block, screw=bolt(radius, ridge, 0.03))
+    assert holding(parts, -1.0, fixed=["block"]).held == ()
+
+
+def test_a_plate_screwed_to_a_wall_is_clamped() -> None:
+    wall = box((0.02, 0.08, 0.08), (-0.01, 0.0, 0.0)) - rod(0.002, 0.2).rotate((0.0, 90.0, 0.0))
+    plate = box((0.005, 0.04, 0.04), (0.0025, 0.0, 0.0)) - rod(0.003, 0.2).rotate((0.0, 90.0, 0.0))
+    shank = rod(0.00225, 0.02).rotate((0.0, 90.0, 0.0)).translate((-0.005, 0.0, 0.0))
+    screw = shank + rod(0.0045, 0.004).rotate((0.0, 90.0, 0.0)).translate((0.007, 0.0, 0.0))
+    parts = assembly(wall=wall, plate=plate, screw=screw)
+    assert holding(parts, -1.0, fixed=["wall"], placed=["wall", "plate"]).held == ("plate",)
+    assert holding(parts, -1.0, fixed=["wall"]).held == ()
+
+
+def test_the_fewest_are_held() -> None:
+    # a bar on two posts that stand on nothing: it rests on both of them
+    left, right = box((0.01, 0.01, 0.05), (-0.04, 0.0, 0.0)), box((0.01, 0.01, 0.05), (0.04, 0.0, 0.0))
+    bar = box((0.1, 0.01, 0.01), (0.0, 0.0, 0.03))
+    parts = assembly(left=left, right=right, bar=bar)
+    assert holding(parts, -0.025).held == ()
+    assert holding(parts, -1.0) == Holding(held=("left", "right"), fewest=True)
+    assert holding(parts, -1.0, placed=["left", "bar"]).held == ("left", "bar")
+    assert holding(parts, -0.025, placed=["left", "bar"]).held == ("bar",)
+
+
+def test_what_is_held_already_is_preferred() -> None:
+    # two bars in the air: the upper one rests on the lower
+    low = box((0.1, 0.01, 0.01), (0.0, 0.0, 0.0))
+    parts = assembly(low=low, high=box((0.02, 0.01, 0.01), (0.0, 0.0, 0.01)))
+    assert holding(parts, -1.0, preferred=["high"]).held == ("low",)  # held from above, the lower one would fall
+    pair = [("low", "high")]
+    assert holding(parts, -1.0, preferred=["high"], fastened=pair).held == ("high",)
+
+
+def test_a_spent_budget_says_so() -> None:
+    # each cube stands on the one below, both together tip: one of them is held, whichever
+    post = box((0.02, 0.02, 0.02), (0.0, 0.0, 0.01))
+    low, high = (box((0.02, 0.02, 0.02), (0.008 * k, 0.0, 0.01 + 0.02 * k)) for k in (1, 2))
+    parts = assembly(post=post, low=low, high=high)
+    assert holding(parts, 0.0, placed=["post", "low"]).held == ()
+    found = holding(parts, 0.0, fixed=["post"])
+    assert found.fewest
+    assert len(found.held) == 1
+    spent = holding(parts, 0.0, fixed=["post"], config=StabilityConfig(max_programs=0))
+    assert not spent.fewest
+    assert len(spent.held) == 1
