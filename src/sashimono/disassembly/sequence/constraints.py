@@ -45,10 +45,11 @@ def resolve(constraints: OrderConstraints, names: Sequence[str]) -> ResolvedCons
     index = {name: k for k, name in enumerate(names)}
     base = None
     if constraints.base is not None:
-        found = matching(names, [constraints.base], "--base")
-        if len(found) > 1:
-            raise SashimonoError(f"--base {constraints.base} names {len(found)} parts ({', '.join(found)}): name one.")
-        base = index[found[0]]
+        only, *more = matching(names, [constraints.base], "--base")
+        if more:
+            found = ", ".join([only, *more])
+            raise SashimonoError(f"--base {constraints.base} names {1 + len(more)} parts ({found}): name one.")
+        base = index[only]
     waits = [0] * len(names)
     for first, later in constraints.before:
         option = f"--before {first}:{later}:"
@@ -63,6 +64,7 @@ def resolve(constraints: OrderConstraints, names: Sequence[str]) -> ResolvedCons
         TopologicalSorter(graph).prepare()
     except CycleError as error:
         # the sorter names each node before one that waits for it
-        circle = " before ".join(names[k] for k in reversed(error.args[1]))
+        around: list[int] = list(reversed(error.args[1]))
+        circle = " before ".join(names[k] for k in around)
         raise SashimonoError(f"--before: no order does it all: {circle}. Take one of these away.") from None
     return ResolvedConstraints(base=base, waits=tuple(waits))

@@ -50,7 +50,7 @@ function deepest(steps) {
   if (!known.length) return "not measured";
   const worst = known.reduce((a, b) => (b.penetration > a.penetration ? b : a));
   const limit = worst.tolerance === null ? "" : ` of ${formatLength(worst.tolerance)}`;
-  return formatLength(Math.max(worst.penetration, 0)) + limit;
+  return formatLength(worst.penetration > 1e-9 ? worst.penetration : 0) + limit; // less is rounding
 }
 
 function describeStep(step) {
