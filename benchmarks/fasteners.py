@@ -2,8 +2,9 @@
 
     python benchmarks/fasteners.py [PATTERN ...] [--all] [--json FILE]
 
-The labels (tests/fasteners/labels.json) were given by hand from pictures and dimensions, not by the recogniser. Parts
-for which that left doubt have none: plain pins of two-part sets (pin or shaft?), heat-set inserts, barrel nuts. With
+The labels (tests/fasteners/labels.json) were given by hand from names, pictures and dimensions, after the recogniser's
+first output had been seen, and its limits were set on the same parts: no forecast for other CAD. Parts left in doubt
+have no label: plain pins of two-part sets (pin or shaft?), heat-set inserts, barrel nuts. With
 --all, what is found in assemblies and parts without labels is listed too, to be looked at.
 """
 
