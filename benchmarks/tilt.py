@@ -69,7 +69,7 @@ def moved(assembly: Assembly, T: np.ndarray) -> Assembly:
 def ask(case: TiltCase, T: np.ndarray, *, is_open: bool) -> dict:
     """Return what the cascade says of one case, moved as a whole by T."""
     assembly = moved(case.assembly(is_open=is_open), T)
-    cascade = Cascade(assembly, make_bodies(assembly), config=SeparateConfig())
+    cascade = Cascade(assembly, make_bodies(assembly), config=SeparateConfig(tilting=True))
     start = time.process_time()
     found = cascade.separate(MOVING, cascade.parts.all_parts)
     spent = time.process_time() - start
@@ -91,7 +91,7 @@ def ask(case: TiltCase, T: np.ndarray, *, is_open: bool) -> dict:
 def search(case: TiltCase, growth: str, seeds: int) -> dict:
     """Return how the search alone does on an open case, over some seeds."""
     assembly = case.assembly(is_open=True)
-    cascade = Cascade(assembly, make_bodies(assembly), config=SeparateConfig())
+    cascade = Cascade(assembly, make_bodies(assembly), config=SeparateConfig(tilting=True))
     start = time.process_time()
     found = [
         search_tilt(

@@ -92,7 +92,7 @@ def plan_and_write(
         config = PipelineConfig(
             method=cast("Literal['cascade', 'physics', 'past']", method),
             algorithm1=Algorithm1Config(device=device),
-            separate=SeparateConfig(declare=DeclareConfig(enabled=declare_threads)),
+            separate=SeparateConfig(tilting=True, declare=DeclareConfig(enabled=declare_threads)),
             gripper=tool,
             grippers=asked,
             contacts=contacts,

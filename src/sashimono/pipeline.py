@@ -47,7 +47,7 @@ class PipelineConfig:
     executable: bool = True
     """Whether the method ``physics`` takes a part out only if a grasp for it exists (``isExec``)."""
     samples: SampleConfig = field(default_factory=SampleConfig)
-    separate: SeparateConfig = field(default_factory=SeparateConfig)
+    separate: SeparateConfig = field(default_factory=lambda: SeparateConfig(tilting=True))
     sequence: SequenceConfig = field(default_factory=SequenceConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)

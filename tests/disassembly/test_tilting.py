@@ -29,7 +29,7 @@ def placed(parts: Assembly) -> PlacedParts:
 
 
 def cascade_of(parts: Assembly) -> Cascade:
-    return Cascade(parts, make_bodies(parts), config=SeparateConfig())
+    return Cascade(parts, make_bodies(parts), config=SeparateConfig(tilting=True))
 
 
 @pytest.mark.parametrize("name", QUICK)

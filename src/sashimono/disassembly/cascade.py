@@ -70,9 +70,9 @@ class Cascade:
             self.translations,
             self.groups,
             self.physics,
-            self.tilting,
+            *((self.tilting,) if config.tilting else ()),
         )
-        """In the order in which they are asked: the ones that cost least first."""
+        """In the order in which they are asked: the ones that cost least first. Tilting is there if it is wanted."""
         self._answers: dict[tuple[str, int, int], list[tuple[int, Separation]]] = {}
         self._declared: dict[tuple[int, int, tuple[float, ...]], tuple[Removal, DeclaredThread] | None] = {}
 

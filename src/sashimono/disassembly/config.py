@@ -23,6 +23,8 @@ class SeparateConfig:
     translation: TranslationConfig = field(default_factory=TranslationConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
+    tilting: bool = False
+    """Whether tilting is asked, last of all: it takes seconds for each part that it does not free. Plans ask it."""
     unscrew: UnscrewConfig = field(default_factory=UnscrewConfig)
     max_traced: int = 40_000_000
     """Tracing steps that threads, physics and tilting may take in one run (an order, or conditions): about half a
