@@ -22,8 +22,15 @@ class TiltStage:
         self.parts, self.config = parts, config
 
     def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
+        others = bits(remaining & ~(1 << part))
+        if any(self._overlap(part, other) for other in others):
+            return Separation(
+                answer=Answer.UNKNOWN,
+                stage=self.name,
+                reason="no tilting: the parts overlap as assembled",
+            )
         config = replace(self.config, max_traced=min(max_traced, self.config.max_traced))
-        found = search_tilt(self.parts, part, bits(remaining & ~(1 << part)), config=config)
+        found = search_tilt(self.parts, part, others, config=config)
         if found.removal is not None:
             absent = bits(self.parts.all_parts & ~remaining)
             hits = hit_by_path(self.parts, part, found.removal, absent, tolerance=self.parts.tolerances.turning)
@@ -38,6 +45,14 @@ class TiltStage:
             traced=found.traced,
             is_cut=is_cut,
         )
+
+    def _overlap(self, part: int, other: int) -> bool:
+        """Whether two parts are deeper in each other, as assembled, than a turning motion may go.
+
+        A path that never leaves such an overlap may go as deep all along, and a search at random finds those that
+        plough through thin walls.
+        """
+        return bool(self.parts.overlaps[part, other] > self.parts.tolerances.turning * self.parts.scale(part, other))
 
     def can_recall(self, found: Separation) -> bool:
         return True
