@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
@@ -65,7 +64,6 @@ def plan_and_write(
     from dataclasses import replace
 
     from sashimono.console import progress_display, summary_lines
-    from sashimono.disassembly.cascade import SeparateConfig
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.sequence.constraints import OrderConstraints
     from sashimono.disassembly.sequence.greedy import SequenceConfig
@@ -85,14 +83,12 @@ def plan_and_write(
         typer.echo(f"note: {note}", err=True)
     sequence = SequenceConfig(constraints=OrderConstraints(base=wishes.base, before=wishes.before))
     if wishes.up is not None:
-        length = math.hypot(*wishes.up)
-        x, y, z = (part / length for part in wishes.up)
-        sequence = replace(sequence, up=(x, y, z))
+        sequence = replace(sequence, up=wishes.up)
     with progress_display() as progress:
         config = PipelineConfig(
             method=cast("Literal['cascade', 'physics', 'past']", method),
             algorithm1=Algorithm1Config(device=device),
-            separate=SeparateConfig(tilting=True, declare=DeclareConfig(enabled=declare_threads)),
+            separate=replace(PipelineConfig().separate, declare=DeclareConfig(enabled=declare_threads)),
             gripper=tool,
             grippers=asked,
             contacts=contacts,
@@ -154,12 +150,15 @@ def find_gripper(name: str) -> str | Gripper:
 def find_grippers(names: str) -> tuple[str | Gripper, ...]:
     """Return the tools that ``--grippers`` names: none, all (the real ones), or some, separated by commas."""
     from sashimono.contact import REAL_TOOLS, real_tool
+    from sashimono.tasks import read_gripper
 
     if names == "none":
         return ()
     if names == "all":
         return REAL_TOOLS
-    asked = tuple(name if name == "vacuum-cup" else find_gripper(name) for name in map(str.strip, names.split(",")))
+    asked = tuple(
+        read_gripper(name) if name.endswith(".json") else name for name in (name.strip() for name in names.split(","))
+    )
     for tool in asked:
         real_tool(tool)
     return asked

@@ -50,11 +50,16 @@ def travel_at_end(motion: Motion, center: Float[np.ndarray, "3"], radius: float)
     return np.zeros(6)
 
 
+def weight_of(body: Body, config: ContactConfig) -> float:
+    """Return the weight of a part [N], from its volume and the density assumed."""
+    return config.density * body.mass_properties.volume * GRAVITY
+
+
 def wanted_wrench(
     body: Body, motion: Motion, table: Table | None, radius: float, config: ContactConfig
 ) -> tuple[Float[np.ndarray, "6"], float]:
     """Return W, (force [N], torque about the centre of mass [N m]) in the part's frame, and the part's weight [N]."""
-    weight = config.density * body.mass_properties.volume * GRAVITY
+    weight = weight_of(body, config)
     way = travel_at_end(motion, body.mass_center, radius)
     wrench = config.drive * weight * np.concatenate([way[:3], radius * way[3:]])
     if table is not None:

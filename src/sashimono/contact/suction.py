@@ -15,6 +15,7 @@ from jaxtyping import Float
 from sashimono.contact.access import Access
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.gripper import PRESETS, Boxes, Gripper, named_gripper
+from sashimono.contact.push import weight_of
 from sashimono.contact.wrenches import unit_across
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
@@ -22,7 +23,6 @@ from sashimono.geometry.body import Body
 from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
-GRAVITY = 9.81
 _RING = 16
 _ALIGNED = math.cos(math.radians(2.0))
 
@@ -148,7 +148,7 @@ def why_no_suction(
     points, normals = find_seats(body, cup)
     if len(points) == 0:
         return f"no face is flat under a cup of {2e3 * cup.radius:.3g} mm"
-    weight = config.density * body.mass_properties.volume * GRAVITY
+    weight = weight_of(body, config)
     arms = np.linalg.norm(points - body.mass_center, axis=1)
     order = np.argsort(np.round(arms / body.radius, 6), kind="stable")
     if not cup.holds(weight, float(arms[order[0]])):

@@ -31,7 +31,7 @@ class SequenceConfig:
     """How a part and a direction are chosen among those that are free."""
 
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """Preferred direction of removal."""
+    """Preferred direction of removal, of any length but 0."""
     upward: float = 1.0
     """Worth of a removal straight up, against sideways at 0 and down at minus this."""
     same_direction: float = 0.5
@@ -118,7 +118,7 @@ class _Chooser:
         rank = np.argsort(np.argsort(self.bulk, kind="stable"), kind="stable")
         self.smallness = 1.0 - rank / max(1, len(rank) - 1)
         self.neighbours = [cascade.touching(part) for part in range(len(parts))]
-        self.up = np.array(config.up)
+        self.up = np.array(config.up) / np.linalg.norm(config.up)
         self.wishes = resolve(config.constraints, cascade.assembly.names)
 
     def base_among(self, remaining: int) -> int:
