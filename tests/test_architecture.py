@@ -54,7 +54,7 @@ ROOMS = {
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
     ],
-    "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
+    "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence", "bonds"}, {"report"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},

@@ -168,6 +168,9 @@ def plan(
         ),
     ] = False,
     hands: Annotated[int, typer.Option(min=1, metavar="N", help="hands there are to bring parts and to hold them")] = 2,
+    explain_order: Annotated[
+        bool, typer.Option("--explain-order", help="say of each step what else could have come, and why it did not")
+    ] = False,
 ) -> int:
     """Plan the assembly of INPUT and verify it; write DIR/plan.json, DIR/plan.html and DIR/plan.glb."""
     if method not in METHODS:
@@ -183,6 +186,8 @@ def plan(
     wishes = read_constraints(constraints, base=base, up=up, before=before or (), exclude=exclude or ())
     if method == "physics" and (wishes.base is not None or wishes.before):
         raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
+    if method != "cascade" and explain_order:
+        raise SashimonoError(f"--explain-order is for --method cascade: with {method}, no orders are compared.")
     refuse_unwritable(out)
     options = {
         "method": method,
@@ -197,6 +202,7 @@ def plan(
         "declare_threads": declare_threads,
         "wishes": wishes,
         "hands": hands,
+        "explain_order": explain_order,
     }
     options |= {"unit": unit, "split": split, "seed": seed}
     return plan_and_write(source, out, **options)

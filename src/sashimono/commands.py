@@ -39,6 +39,7 @@ def plan_and_write(
     wishes: Wishes | None = None,
     declare_threads: bool = False,
     hands: int = 2,
+    explain_order: bool = False,
     copy_input: bool = False,
 ) -> int:
     """Read an input, plan it, write the results and say what came of it; return the exit status.
@@ -59,6 +60,7 @@ def plan_and_write(
         wishes: Base, table, precedences and parts left out, as the user wants them; written beside the plan.
         declare_threads: Whether screws drawn without ridges are turned in.
         hands: How many hands there are.
+        explain_order: Whether each step says what else could have come, and why it did not.
         copy_input: Whether a copy of the input is written beside the plan.
     """
     from dataclasses import replace
@@ -93,6 +95,7 @@ def plan_and_write(
             grippers=asked,
             contacts=contacts,
             hands=hands,
+            explain_order=explain_order,
             sequence=sequence,
             motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion), table=TableConfig(up=wishes.up)),
         )

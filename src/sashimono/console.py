@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, few_words
-from sashimono.plan import AssemblyPlan, DeclaredHelix, Step, Unsolved
+from sashimono.plan import AssemblyPlan, DeclaredHelix, OrderCost, Step, Unsolved
 
 MAX_OVERLAPS = 5
 """Pairs named in the summary."""
@@ -56,6 +56,7 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     return [
         f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
         plan.verdict,
+        *([] if plan.cost is None else [_cost_line(plan.cost)]),
         *_step_lines(plan.steps, width, ""),
         *_unsolved_lines(plan, width),
         *_overlap_lines(plan),
@@ -77,8 +78,28 @@ def _step_lines(steps: Sequence[Step], width: int, indent: str) -> Iterator[str]
     """Yield a line a step; below a subassembly's, indented, those by which it was put together before."""
     for k, step in enumerate(steps, 1):
         yield f"{indent}{k:4d} {step.part:<{width}}  {_step_words(step)}"
+        yield from _alternative_lines(step, width, indent)
         if step.subassembly is not None:
             yield from _step_lines(step.subassembly.steps, width, indent + "     ")
+
+
+def _cost_line(cost: OrderCost) -> str:
+    """What the order costs, in one line: the terms that there are, each with what it counts."""
+    parts = [
+        f"{term.replace('_', ' ')} {amount:.3g} x {cost.weights[term]:g}"
+        for term, amount in cost.terms.items()
+        if amount > 0.0 and term in cost.weights
+    ]
+    return f"cost of the order {cost.total:.4g}: {', '.join(parts) or 'nothing counts'}"
+
+
+def _alternative_lines(step: Step, width: int, indent: str) -> Iterator[str]:
+    """What else could have come at a step: what is possible first, by what it costs."""
+    entries = step.alternatives or ()
+    ranked = sorted(entries, key=lambda e: (not e.possible, 0.0 if e.more is None else e.more))
+    for entry in ranked:
+        said = f"possible, cost {entry.more:+.3g}" if entry.possible and entry.more is not None else "not possible"
+        yield f"{indent}       or {entry.part:<{width}} {said}: {entry.reason}"
 
 
 def _step_words(step: Step) -> str:

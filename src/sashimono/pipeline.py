@@ -21,11 +21,12 @@ from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence.order import Orderer
 from sashimono.errors import SashimonoError
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
-from sashimono.plan import Answer, AssemblyPlan, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
+from sashimono.plan import Answer, AssemblyPlan, Fastening, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
 from sashimono.stability import StabilityConfig, hold_plan
 from sashimono.tree import Progress, TreePlanner
 from sashimono.verify import StepReport, VerifyConfig, check_holds, verify_plan
@@ -63,6 +64,8 @@ class PipelineConfig:
     """Options of support and gravity."""
     hands: int = 2
     """How many hands there are; a plan in which a step takes more is not executable."""
+    explain_order: bool = False
+    """Whether each step says what else could have come, and why it did not; by method ``cascade`` only."""
     max_attempts: int = 4
     """Most sequences that are tried. Where a motion fails or is refuted, the next one does without that direction."""
     contact_attempts: int = 1
@@ -109,6 +112,8 @@ def plan_assembly(
     with clock.stage("sequence"):
         bodies = make_bodies(assembly, config=config.samples, rng=rng_bodies)
         cascade = Cascade(assembly, bodies, config=config.separate)
+        sequence = replace(config.sequence, cost=replace(config.sequence.cost, hands=config.hands))
+        orderer = Orderer(cascade, bodies, config=sequence, stability=config.stability)
     refused: frozenset[Refusal] = frozenset()
     planner = TreePlanner(
         assembly=assembly,
@@ -125,10 +130,12 @@ def plan_assembly(
     refutations: dict[str, str] = {}
     for_contacts = config.contact_attempts if config.contacts else 0
     # each attempt has generators of its own, so that what earlier attempts drew does not matter
-    for motion_rng, contact_rng in zip(
-        rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True
+    for number, (motion_rng, contact_rng) in enumerate(
+        zip(rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True)
     ):
-        attempt = _attempt(planner, cascade, refused, config, (motion_rng, contact_rng), progress)
+        # where an order that was searched for fails twice, the one that was found first is tried
+        searched = orderer if config.method == "cascade" and number < 2 else None
+        attempt = _attempt(planner, cascade, searched, refused, config, (motion_rng, contact_rng), progress)
         refutations |= attempt.refutations
         if best is None or attempt.worth > best.worth:
             best = attempt
@@ -142,13 +149,17 @@ def plan_assembly(
         logger.info("going back to level 1 without %s", sorted(map(str, again)))
     assert best is not None, "at least one attempt is made"
     unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
-    return _plan(assembly, bodies, replace(best, unsolved=unsolved), config, seed, clock)
+    return _plan(assembly, bodies, orderer, replace(best, unsolved=unsolved), config, seed, clock)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Attempt:
     """One attempt: what the three levels made, and what the check said of it."""
 
+    found: DisassemblyResult
+    """What level 1 took apart."""
+    asked_without: frozenset[Refusal]
+    """Departures that it was not to take."""
     steps: tuple[Step, ...]
     table: Table
     unsolved: tuple[Unsolved, ...]
@@ -177,6 +188,7 @@ def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolve
 def _attempt(
     planner: TreePlanner,
     cascade: Cascade,
+    orderer: Orderer | None,
     refused: frozenset[Refusal],
     config: PipelineConfig,
     rngs: tuple[np.random.Generator, np.random.Generator],
@@ -186,6 +198,10 @@ def _attempt(
     count = len(assembly) - 1
     with planner.stage("sequence"):
         found = _take_apart(planner, cascade, refused, config, rngs[1], lambda done: progress("sequence", done, count))
+    if orderer is not None:
+        with planner.stage("order"):
+            up = config.motion.table.up if planner.resting is None else planner.resting.table.normal
+            found = orderer.improve(found, refused=refused, up=up)
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
     draft = _draft(assembly, level.table, level.steps, level.unsolved)
     with planner.stage("verify"):
@@ -196,6 +212,8 @@ def _attempt(
     known = {entry.part for entry in level.unsolved}
     unsolved = (*level.unsolved, *(entry for entry in judge.refuted if entry.part not in known))
     return _Attempt(
+        found=found,
+        asked_without=refused,
         steps=steps,
         table=level.table,
         unsolved=unsolved,
@@ -322,24 +340,45 @@ def _draft(assembly: Assembly, table: Table, steps: tuple[Step, ...], unsolved: 
 def _plan(
     assembly: Assembly,
     bodies: Mapping[str, Body],
+    orderer: Orderer,
     attempt: _Attempt,
     config: PipelineConfig,
     seed: int,
     clock: _Clock,
 ) -> AssemblyPlan:
-    draft = _draft(assembly, attempt.table, attempt.steps, attempt.unsolved)
+    steps = _with_fasteners(attempt.steps, orderer.fastenings)
+    draft = _draft(assembly, attempt.table, steps, attempt.unsolved)
     status: Literal["complete", "partial"] = "complete" if attempt.verified else "partial"
     with clock.stage("stability"):
-        held = hold_plan(replace(draft, status=status, hands=config.hands), bodies, config=config.stability)
+        held = replace(draft, status=status, hands=config.hands)
+        held = hold_plan(held, bodies, config=config.stability, touching=orderer.touching)
         executable = check_holds(held, assembly, config=config.verify)
+        cost = orderer.cost(held)
+    if config.explain_order and config.method == "cascade":
+        with clock.stage("order"):
+            held = orderer.explain(held, attempt.found, attempt.asked_without)
     return replace(
         held,
         executable=executable,
+        cost=cost,
         config=asdict(config),
         seed=seed,
         version=__version__,
         timings=clock.seconds,
     )
+
+
+def _with_fasteners(steps: Sequence[Step], fastenings: Mapping[str, Fastening]) -> tuple[Step, ...]:
+    """The steps, those of fasteners, inside subassemblies too, with what they are."""
+    out = []
+    for step in steps:
+        below = step.subassembly
+        if below is not None:
+            step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, fastenings)))
+        elif step.part in fastenings:
+            step = replace(step, fastener=fastenings[step.part])
+        out.append(step)
+    return tuple(out)
 
 
 class _Clock:

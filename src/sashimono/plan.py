@@ -113,6 +113,34 @@ class DeclaredHelix:
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.float64))
 
 
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """A part that is placed later: whether it could have come at this step instead, all others keeping their order."""
+
+    part: str
+    possible: bool
+    more: float | None
+    """How much more the order would then cost; negative if it would cost less. None if it is not possible."""
+    reason: str
+    """What it would cost more in, or what stands in the way."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fastening:
+    """A fastener, and what it holds to itself once it is in place."""
+
+    kind: str
+    """``screw``, ``bolt``, ``nut``, ``washer``, ``pin``, ``standoff`` or ``circlip``."""
+    size: str | None
+    """Nominal size ("M6"); None if it is near none."""
+    axis: tuple[float, float, float]
+    """Unit, world frame: the way in."""
+    point: tuple[float, float, float]
+    """A point on the axis, world frame [m]."""
+    joins: tuple[str, ...] = ()
+    """Parts that it is screwed into, or screwed onto: rigidly joined to it while both are in place."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
     """One part, or a subassembly as one body, brought from its resting pose to its assembled pose."""
@@ -140,6 +168,10 @@ class Step:
     """Parts that must be held once this one is in place and let go: the others then stand by themselves."""
     hands: int | None = None
     """Most hands at work at once: one a held part, one for the part that is brought. None where it is not known."""
+    fastener: Fastening | None = None
+    """What the part is, if it is a screw, bolt, nut or the like; None of any other part."""
+    alternatives: tuple[Alternative, ...] | None = None
+    """What else could have come here, and why it did not; None where that was not asked."""
 
     def __repr__(self) -> str:
         what = f"subassembly of {few_words(self.members)}" if self.moving else repr(self.part)
@@ -237,6 +269,18 @@ class Fixture:
     """Why the base does not stand on the table."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class OrderCost:
+    """What the order of a plan costs: how an order is told from a better one."""
+
+    total: float
+    """The sum of all terms, each times its weight."""
+    terms: Mapping[str, float]
+    """How often, or how much, of each term there is."""
+    weights: Mapping[str, float]
+    """What each counts."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RestingPoses:
     """Where parts wait, given from outside: a tray, a feeder, what a camera saw."""
@@ -268,6 +312,8 @@ class AssemblyPlan:
     executable: bool | None = None
     """Whether it can be carried out: complete, a contact at every moving step, nothing that floats or tips unheld, and
     no step that takes more than ``hands``. None where that was not looked at."""
+    cost: OrderCost | None = None
+    """What the order costs; None where that was not counted."""
     overlaps: tuple[Overlap, ...] = ()
     identical: tuple[tuple[str, ...], ...] = ()
     notes: tuple[str, ...] = ()

@@ -85,6 +85,9 @@ class TreePlanner:
                     departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0]
                 )
         level, bodies = self._level(found, departures, merged)
+        motion = self.motion
+        if found.up is not None and motion.table.up is None:
+            motion = replace(motion, table=replace(motion.table, up=found.up))
         order = [names[found.base], *departures]
         stuck = [_stuck(self.assembly, part, separation) for part, separation in found.stuck]
         with self.stage("motion"):
@@ -92,7 +95,7 @@ class TreePlanner:
                 level,
                 order,
                 {name: d.separation.removal for name, d in departures.items() if d.separation.removal is not None},
-                config=self.motion,
+                config=motion,
                 rng=motion_rng,
                 in_place=[entry.part for entry in stuck],
                 bodies=bodies,

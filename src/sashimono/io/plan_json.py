@@ -15,13 +15,16 @@ from sashimono.errors import PlanFormatError
 from sashimono.files import atomic_write
 from sashimono.io.plan_schema import first_violation
 from sashimono.plan import (
+    Alternative,
     Answer,
     AssemblyPlan,
     Contact,
     DeclaredHelix,
+    Fastening,
     Fixture,
     Motion,
     MotionClass,
+    OrderCost,
     Segment,
     Step,
     Subassembly,
@@ -121,6 +124,15 @@ def _executable_document(plan: AssemblyPlan) -> dict[str, Any]:
         out["fixture"] = _fixture_document(plan.fixture)
     if plan.executable is not None:
         out["executable"] = plan.executable
+    if plan.cost is not None:
+        out["cost"] = {"total": plan.cost.total, "terms": plan.cost.terms, "weights": plan.cost.weights}
+    return out
+
+
+def _alternative_document(entry: Alternative) -> dict[str, Any]:
+    out: dict[str, Any] = {"part": entry.part, "possible": entry.possible, "reason": entry.reason}
+    if entry.more is not None:
+        out["more"] = entry.more
     return out
 
 
@@ -162,6 +174,11 @@ def _step_document(step: Step) -> dict[str, Any]:
         out["held"] = step.held
     if step.hands is not None:
         out["hands"] = step.hands
+    if step.fastener is not None:
+        fastener = step.fastener
+        out["fastener"] = {name: getattr(fastener, name) for name in ("kind", "size", "axis", "point", "joins")}
+    if step.alternatives is not None:
+        out["alternatives"] = [_alternative_document(entry) for entry in step.alternatives]
     if step.moving:
         out["moving"] = step.moving
     if step.subassembly is not None:
@@ -278,6 +295,7 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
         fixture=_fixture(document.get("fixture")),
         hands=document.get("hands", 2),
         executable=document.get("executable"),
+        cost=_cost(document.get("cost")),
         overlaps=_each(
             document.get("overlaps", ()),
             lambda o: Overlap(first=o["first"], second=o["second"], volume=o["volume"], fraction=o["fraction"]),
@@ -315,7 +333,32 @@ def _step(step: Mapping[str, Any]) -> Step:
         declared=_declared(step.get("declared")),
         held=tuple(step.get("held", ())),
         hands=step.get("hands"),
+        fastener=_fastening(step.get("fastener")),
+        alternatives=None
+        if step.get("alternatives") is None
+        else _each(
+            step["alternatives"],
+            lambda a: Alternative(part=a["part"], possible=a["possible"], more=a.get("more"), reason=a["reason"]),
+        ),
     )
+
+
+def _fastening(fastener: Mapping[str, Any] | None) -> Fastening | None:
+    if fastener is None:
+        return None
+    x, y, z = fastener["axis"]
+    u, v, w = fastener["point"]
+    return Fastening(
+        kind=fastener["kind"],
+        size=fastener["size"],
+        axis=(float(x), float(y), float(z)),
+        point=(float(u), float(v), float(w)),
+        joins=tuple(fastener["joins"]),
+    )
+
+
+def _cost(cost: Mapping[str, Any] | None) -> OrderCost | None:
+    return None if cost is None else OrderCost(total=cost["total"], terms=cost["terms"], weights=cost["weights"])
 
 
 def _subassembly(inside: Mapping[str, Any]) -> Subassembly:

@@ -16,15 +16,29 @@ from sashimono.stability.statics import Statics
 from sashimono.stability.touching import Touching
 
 
-def hold_plan(plan: AssemblyPlan, bodies: Mapping[str, Body], *, config: StabilityConfig) -> AssemblyPlan:
+def hold_plan(
+    plan: AssemblyPlan,
+    bodies: Mapping[str, Body],
+    *,
+    config: StabilityConfig,
+    touching: Touching | None = None,
+) -> AssemblyPlan:
     """Return the plan with what each step must hold, how many hands it takes, and the fixtures that it uses.
 
-    A plan without a table is returned as it is: nothing says where down is. ``bodies`` has every placed part by name.
+    A plan without a table is returned as it is: nothing says where down is.
+
+    Args:
+        plan: What is to be held.
+        bodies: Every placed part by name.
+        config: Options.
+        touching: The touching points of these parts, where somebody found them already.
     """
     if plan.table is None:
         return plan
     screwed = [(step.part, step.declared.other) for step in plan.all_steps if step.declared is not None]
-    touching = Touching(bodies, plan.parts, config=config, fastened=screwed)
+    fastened = [(step.part, other) for step in plan.all_steps if step.fastener for other in step.fastener.joins]
+    known = touching or Touching(bodies, plan.parts, config=config)
+    touching = known.with_fastened([*screwed, *fastened])
     steps, fixture = _hold_level(plan.steps, plan.table, touching)
     return replace(plan, steps=steps, fixture=fixture)
 

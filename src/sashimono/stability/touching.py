@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,13 @@ class Touching:
             name: np.array([seen.min(axis=0), seen.max(axis=0)])
             for name, seen in ((name, se3.apply(poses[name], corners[name])) for name in bodies)
         }
+
+    def with_fastened(self, pairs: Iterable[tuple[str, str]]) -> Touching:
+        """Return the same with more pairs that are fastened anyway; what was worked out before is not asked again."""
+        out = copy(self)
+        # touching points are the same, and shared; what is fastened is its own
+        out._fastened = self._fastened | {frozenset(pair): True for pair in pairs}
+        return out
 
     def between(self, first: str, second: str) -> Touch:
         """Return where the second body touches the first; its normals point into the first."""

@@ -15,6 +15,7 @@ from sashimono.io.raw import ReadConfig
 from sashimono.io.read import read_assembly
 from sashimono.plan import AssemblyPlan, Fixture, Step, Subassembly, Table
 from sashimono.verify.body import SampledBody
+from sashimono.verify.bond import stated_bonds
 from sashimono.verify.compound import Compound
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.grasp import Surroundings, contact_problems
@@ -71,7 +72,7 @@ def check_holds(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
 
 def _placed_parts(plan: AssemblyPlan, site: _Site) -> PlacedParts:
     screwed = [frozenset((step.part, step.declared.other)) for step in plan.all_steps if step.declared is not None]
-    return PlacedParts(site.bodies, site.overlaps.poses, site.config, screwed)
+    return PlacedParts(site.bodies, site.overlaps.poses, site.config, screwed, stated_bonds(plan))
 
 
 def _with_holds(

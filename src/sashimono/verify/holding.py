@@ -22,6 +22,7 @@ from scipy.sparse import csr_array, lil_array, vstack
 from sashimono.geometry import se3
 from sashimono.plan import Fixture, Step, Table
 from sashimono.verify.body import SampledBody
+from sashimono.verify.bond import Bonds, is_screwed_in
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import sampled_depth
 from sashimono.verify.structure import members
@@ -48,12 +49,23 @@ class PlacedParts:
         poses: Mapping[str, Float[np.ndarray, "4 4"]],
         config: VerifyConfig,
         screwed: Collection[frozenset[str]] = (),
+        stated: Bonds | None = None,
     ) -> None:
-        """Take in all parts; ``screwed`` are pairs that a declared thread fastens."""
+        """Take in all parts.
+
+        Args:
+            bodies: By name.
+            poses: Assembled.
+            config: Options.
+            screwed: Pairs that a declared thread fastens.
+            stated: Pairs that the plan says are screwed together. They are fastened if they touch like that.
+        """
         self._bodies = bodies
         self._poses = poses
         self._config = config
         self._screwed = frozenset(screwed)
+        self._stated = stated or {}
+        self._bonded: dict[frozenset[str], bool] = {}
         self._contacts: dict[tuple[str, str], _Contact] = {}
         self._depths: dict[frozenset[str], float] = {}
         self._boxes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -187,7 +199,19 @@ class PlacedParts:
             a, b = self._bodies[first], self._bodies[second]
             meet = self._boxes_meet(first, second, 0.0)
             self._depths[key] = sampled_depth(a, b, T) / min(a.smallest_extent, b.smallest_extent) if meet else 0.0
-        return key in self._screwed or self._depths[key] > self._config.hold_fastened
+        return key in self._screwed or self._depths[key] > self._config.hold_fastened or self._is_bonded(first, second)
+
+    def _is_bonded(self, first: str, second: str) -> bool:
+        """Whether the plan says that the two are screwed together, and they touch like that."""
+        key = frozenset((first, second))
+        if key not in self._stated:
+            return False
+        if key not in self._bonded:
+            gap = self._config.hold_gap * min(self._bodies[name].smallest_extent for name in key)
+            meetings = [self._meeting(first, second, gap), self._meeting(second, first, gap)]
+            points, normals = (np.concatenate(each) for each in zip(*meetings, strict=True))
+            self._bonded[key] = len(points) > 0 and is_screwed_in(points, normals, self._stated[key])
+        return self._bonded[key]
 
     def _clamping(self, groups: Sequence[Sequence[str]]) -> set[frozenset[int]]:
         """Pairs of groups of which two parts of one push on the other from opposite sides."""

@@ -44,6 +44,8 @@ class DisassemblyResult:
     """What leaves, in order."""
     stuck: tuple[tuple[int, Separation], ...]
     """Parts that could not leave, the base and what is inside subassemblies aside, each with what is known."""
+    up: tuple[float, float, float] | None = None
+    """Away from the table that the order is for; None: any."""
 
     def departures(self) -> Iterator[Departure]:
         """Yield every departure, those inside subassemblies included."""

@@ -21,8 +21,10 @@ from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
 from sashimono.disassembly.sequence.constraints import OrderConstraints, resolve
+from sashimono.disassembly.sequence.cost import OrderCostConfig
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
+from sashimono.disassembly.sequence.search import OrderSearchConfig
 from sashimono.plan import Answer
 
 
@@ -42,6 +44,10 @@ class SequenceConfig:
     """Worth of the smallest part's removal, against that of the largest at 0."""
     constraints: OrderConstraints = field(default_factory=OrderConstraints)
     """The base and precedences that the user wants."""
+    cost: OrderCostConfig = field(default_factory=OrderCostConfig)
+    """What tells one order from a better one."""
+    search: OrderSearchConfig = field(default_factory=OrderSearchConfig)
+    """How many orders are looked at besides the one that is found first."""
     verdict: VerdictConfig = field(default_factory=VerdictConfig)
     """How what holds the parts that stay is put into words."""
 

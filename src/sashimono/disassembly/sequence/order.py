@@ -1,0 +1,134 @@
+"""The front door of ordering: the order found first, improved by its cost; and the cost of a finished plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.disassembly.cascade import Cascade
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.sequence.constraints import resolve
+from sashimono.disassembly.sequence.cost import CostModel, plan_cost
+from sashimono.disassembly.sequence.departures import DisassemblyResult
+from sashimono.disassembly.sequence.greedy import SequenceConfig
+from sashimono.disassembly.sequence.holds import Contacts
+from sashimono.disassembly.sequence.scene import OrderScene
+from sashimono.disassembly.sequence.search import OrderSearch
+from sashimono.fasteners.bonds import bonds
+from sashimono.fasteners.recognise import Fastener, find_fasteners
+from sashimono.geometry.body import Body
+from sashimono.plan import AssemblyPlan, Fastening, OrderCost
+from sashimono.stability import StabilityConfig, Touching, embraces
+
+
+class Orderer:
+    """Orders of one assembly: its fasteners, what touches what, and the cost, each worked out when first asked for."""
+
+    def __init__(
+        self, cascade: Cascade, bodies: Mapping[str, Body], *, config: SequenceConfig, stability: StabilityConfig
+    ) -> None:
+        self._cascade = cascade
+        self._bodies = bodies
+        self._config = config
+        self._stability = stability
+
+    @cached_property
+    def fasteners(self) -> tuple[Fastener, ...]:
+        """Screws, nuts and the like."""
+        return find_fasteners(self._cascade.assembly)
+
+    @cached_property
+    def fastenings(self) -> dict[str, Fastening]:
+        """By part: what a plan's step says of a fastener. It is joined only to what touches it all around its axis."""
+        joins = bonds(self.fasteners)
+        return {
+            f.part: Fastening(
+                kind=f.kind,
+                size=f.size or None,
+                axis=(float(f.axis[0]), float(f.axis[1]), float(f.axis[2])),
+                point=(float(f.point[0]), float(f.point[1]), float(f.point[2])),
+                joins=tuple(
+                    other
+                    for other in joins.get(f.part, ())
+                    if embraces(self._bare.between(f.part, other), f.axis, f.point)
+                ),
+            )
+            for f in self.fasteners
+        }
+
+    @cached_property
+    def _bare(self) -> Touching:
+        poses = {part.name: part.T_world_part for part in self._cascade.assembly.parts}
+        return Touching(self._bodies, poses, config=self._stability)
+
+    @cached_property
+    def touching(self) -> Touching:
+        """What touches what, each fastener joined to what it is screwed into where that is all around it."""
+        pairs = [(part, other) for part, fastening in self.fastenings.items() for other in fastening.joins]
+        return self._bare.with_fastened(pairs)
+
+    @cached_property
+    def model(self) -> CostModel:
+        """The cost."""
+        up = np.array(self._config.up) / np.linalg.norm(self._config.up)
+        scene = OrderScene(self._cascade, self.fasteners, up=up)
+        return CostModel(scene=scene, touching=self.touching, config=self._config.cost)
+
+    @cached_property
+    def search(self) -> OrderSearch:
+        """The search for a cheaper order."""
+        names = self._cascade.assembly.names
+        return OrderSearch(
+            self._cascade,
+            Contacts(self.touching, names),
+            self.model,
+            resolve(self._config.constraints, names),
+            config=self._config.search,
+        )
+
+    def improve(
+        self,
+        found: DisassemblyResult,
+        *,
+        refused: frozenset[Refusal] = frozenset(),
+        up: Sequence[float] | Float[np.ndarray, "3"] | None = None,
+    ) -> DisassemblyResult:
+        """Return the cheapest disassembly of all parts that is found, the given one among those looked at.
+
+        Args:
+            found: The one found first.
+            refused: Ways out that are not to be taken.
+            up: Away from the table, of any length, where that is given; else the search chooses.
+        """
+        if not self._config.search.enabled:
+            return found
+        normal = None if up is None else np.asarray(up, dtype=np.float64) / np.linalg.norm(up)
+        return self.search.improve(found, start=self._cascade.parts.all_parts, refused=refused, up=normal)
+
+    def explain(self, plan: AssemblyPlan, found: DisassemblyResult, refused: frozenset[Refusal]) -> AssemblyPlan:
+        """Return the plan with what else could have come at each step of its top level, and why it did not.
+
+        Args:
+            plan: The finished plan.
+            found: What its steps were made from.
+            refused: Ways out that were not to be taken.
+        """
+        if plan.table is None:
+            return plan
+        names = self._cascade.assembly.names
+        kept = tuple(d for d in found.removals if names[d.part] in plan.order)
+        start = sum(d.members for d in kept) | 1 << found.base | sum(1 << part for part, _ in found.stuck)
+        asked = self.search.alternatives(
+            replace(found, removals=kept), start=start, refused=refused, up=plan.table.normal
+        )
+        by_name = {names[part]: alternatives for part, alternatives in asked.items()}
+        steps = tuple(replace(step, alternatives=by_name.get(step.part, ())) for step in plan.steps)
+        return replace(plan, steps=steps)
+
+    def cost(self, plan: AssemblyPlan) -> OrderCost | None:
+        """Return what the order of a finished plan costs; None without a table."""
+        return plan_cost(plan, self.model)

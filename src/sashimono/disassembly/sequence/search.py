@@ -1,0 +1,503 @@
+"""The order that costs least, of a work-bounded search over ways out that level 1 answers for.
+
+The greedy order comes first: it says what comes apart at all. Then, for a few bases and tables, orders of taking apart
+grow part by part, the cheapest of them kept (a beam). No set of parts is a dead end while the base is that of the
+greedy order: whichever of its parts left first is free of what remains, for fewer parts never block more. The best few
+are counted again with all held parts by linear programs, the greedy order among them: the result is never dearer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.disassembly.cascade import Cascade
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.sequence.alternatives import Alternatives
+from sashimono.disassembly.sequence.constraints import ResolvedConstraints
+from sashimono.disassembly.sequence.cost import Amounts, CostModel, Placing, add
+from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
+from sashimono.disassembly.sequence.holds import Balance, Contacts, HoldCounter, table_under
+from sashimono.disassembly.sequence.moves import Blocked, placed_earlier
+from sashimono.disassembly.sequence.ways import Candidate, Leaving, Way, Ways, Work, units_of
+from sashimono.plan import Alternative
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrderSearchConfig:
+    """How much is searched. Budgets count work."""
+
+    enabled: bool = True
+    """Whether orders are searched; else the greedy one is taken."""
+    width: int = 6
+    """Orders that grow side by side."""
+    starts: int = 3
+    """Bases with a table that orders are grown for."""
+    same_table: float = 0.6
+    """Cosine between two up directions above which only the cheaper of them is looked at closely for a base."""
+    bases: int = 3
+    """Parts that are looked at as bases. A fastener is none."""
+    least_base: float = 0.1
+    """Bulk times neighbours that a base has at least, over the most of any part."""
+    expansions: int = 12_000
+    """Parts asked for a way out; with many parts, the beam is narrower for it."""
+    balances: int = 2_000
+    """Rigid groups, each with what is around it, whose balance is asked for a table, to bound what must be held."""
+    exact: int = 2
+    """Orders, for different bases or tables, of which the fewest held parts are found at every step at the end,
+    besides the greedy one."""
+    moves: int = 3_000
+    """Steps counted anew for orders in which one part is placed earlier, to make the best ones better."""
+    traced: float = 1_500_000.0
+    """Points of pairs of parts that are traced along straight lines."""
+    explained: int = 20
+    """Later parts of which each step says why they did not come instead, where that is asked."""
+    table_gap: float = 0.01
+    """How much lower than the base another part may lie, over the product's size, without a fixture."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _State:
+    """An order of taking apart as far as it has grown."""
+
+    remaining: int
+    surplus: float
+    """What it costs more than was expected of those that left."""
+    held: int
+    """Parts that must be held of those that remain, as far as that is bounded."""
+    placing: Placing | None = None
+    leaving: Leaving | None = None
+    before: _State | None = None
+    in_fixture: bool = False
+    """Whether a part came from below, so that the base must stand in a fixture."""
+
+    def path(self) -> tuple[Leaving, ...]:
+        out = []
+        state: _State | None = self
+        while state is not None and state.leaving is not None:
+            out.append(state.leaving)
+            state = state.before
+        return tuple(reversed(out))
+
+
+class OrderSearch:
+    """Searches orders of one assembly."""
+
+    def __init__(
+        self,
+        cascade: Cascade,
+        contacts: Contacts,
+        model: CostModel,
+        wishes: ResolvedConstraints,
+        *,
+        config: OrderSearchConfig,
+    ) -> None:
+        self._cascade = cascade
+        self._contacts = contacts
+        self._model = model
+        self._wishes = wishes
+        self._config = config
+
+    def improve(
+        self,
+        found: DisassemblyResult,
+        *,
+        start: int,
+        refused: frozenset[Refusal] = frozenset(),
+        up: Float[np.ndarray, "3"] | None = None,
+        top: bool = True,
+    ) -> DisassemblyResult:
+        """Return a disassembly of the same parts that costs least of those looked at, with the table it is for.
+
+        Args:
+            found: The greedy one.
+            start: Mask of the parts that were there.
+            refused: Ways out that are not to be taken.
+            up: Away from the table, where that is given; else the search chooses.
+            top: Whether this is the whole product, of which the user may have named the base.
+        """
+        removals = tuple(self._inside(departure, refused) for departure in found.removals)
+        found = replace(found, removals=removals)
+        if not removals:
+            return found
+        work = Work(self._cascade, self._config.traced)
+        run = _Run(self, found, start, refused, work)
+        candidates: list[Candidate] = []
+        for first in run.starts(up, top):
+            candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
+        best = run.best(candidates)
+        return found if best is None else run.result(best)
+
+    def alternatives(
+        self,
+        found: DisassemblyResult,
+        *,
+        start: int,
+        refused: frozenset[Refusal],
+        up: Float[np.ndarray, "3"],
+    ) -> dict[int, tuple[Alternative, ...]]:
+        """Return what else could have come in place of each departure, by its part; inside subassemblies aside.
+
+        Args:
+            found: The disassembly that was taken.
+            start: Mask of the parts that were there.
+            refused: Ways out that are not to be taken.
+            up: Away from the table, unit.
+        """
+        run = _Run(self, found, start, refused, Work(self._cascade, self._config.traced))
+        ways, order = run.ways(up), run.greedy(up)
+        asked = Alternatives(
+            order,
+            start,
+            ways,
+            self._model,
+            self._wishes,
+            lambda candidate: run.amounts(candidate, exact=False),
+            most=self._config.explained,
+        )
+        count = len(order.leaving)
+        return {order.leaving[count - 1 - k].unit.part: asked.of_step(k) for k in range(count)}
+
+    def _inside(self, departure: Departure, refused: frozenset[Refusal]) -> Departure:
+        """The departure, what it moves being put together by the cheapest order too."""
+        if departure.inside is None:
+            return departure
+        inside = self.improve(departure.inside, start=departure.members, refused=refused, top=False)
+        return replace(departure, inside=inside, part=inside.base)
+
+
+class _Run:
+    """One search: the units, the budgets, the tables looked at."""
+
+    def __init__(
+        self,
+        search: OrderSearch,
+        found: DisassemblyResult,
+        start: int,
+        refused: frozenset[Refusal],
+        work: Work,
+    ) -> None:
+        self._cascade = search._cascade
+        self._contacts = search._contacts
+        self._model = search._model
+        self._wishes = search._wishes
+        self._config = search._config
+        self._found = found
+        self._start = start
+        self._refused = refused
+        self._work = work
+        self._stuck = sum(1 << part for part, _ in found.stuck)
+        self._units = units_of(found.base, found.removals, start)
+        self._by_table: dict[tuple[int, bytes], tuple[HoldCounter, bool]] = {}
+        self._ways: dict[bytes, Ways] = {}
+        self._balances: dict[bytes, dict[Balance, bool]] = {}
+
+    @property
+    def width(self) -> int:
+        """How many orders grow side by side."""
+        count = len(self._units)
+        return max(1, min(self._config.width, self._config.expansions // (count * count)))
+
+    def ways(self, up: Float[np.ndarray, "3"]) -> Ways:
+        """Return the ways out for one up direction."""
+        key = np.round(up, 9).tobytes()
+        if key not in self._ways:
+            self._ways[key] = Ways(
+                self._cascade,
+                self._model.scene,
+                up,
+                refused=self._refused,
+                work=self._work,
+                above=self._model.config.above,
+            )
+        return self._ways[key]
+
+    def starts(self, up: Float[np.ndarray, "3"] | None, top: bool) -> list[Candidate]:
+        """Return quick orders for bases and tables: those that cost least."""
+        found: list[Candidate] = []
+        for base in self._bases(top):
+            for normal in self._normals(base) if up is None else [up]:
+                expected = self.expected(self.greedy(normal))
+                found += self.grow(base, normal, expected, width=1, quick=True)
+        chosen: list[Candidate] = []
+        for order in sorted(found, key=lambda order: round(order.cost, 6)):
+            if not any(
+                other.base == order.base and float(other.up @ order.up) > self._config.same_table for other in chosen
+            ):
+                chosen.append(order)
+        return chosen[: self._config.starts]
+
+    def expected(self, order: Candidate) -> dict[int, float]:
+        """Return, by unit, what it cost in this order to bring it as it was brought there, whatever came around it.
+
+        Which of two units leaves first says little if one of them costs more whenever it leaves. So a search compares
+        orders that are not finished by what they cost more than this.
+        """
+        out: dict[int, float] = {}
+        remaining = self._start
+        for leaving in order.leaving:
+            members = leaving.unit.members
+            remaining &= ~members
+            placing = Placing(members=members, exit_direction=leaving.way.exit_direction, rest=remaining)
+            amounts = self._model.of_placing(placing, 0, order.up)
+            out[members] = self._model.total(
+                {term: amounts[term] for term in ("not_from_above", "from_below", "slides") if term in amounts}
+            )
+        return out
+
+    def _bases(self, top: bool) -> list[int]:
+        """The greedy base, then those with the highest scores; one alone if the user named it or parts are stuck."""
+        first = 1 << self._found.base
+        if self._stuck or (top and self._wishes.base is not None):
+            return [first]
+        scene = self._model.scene
+        others = [unit.members for unit in self._units if unit.single and unit.members != first]
+        others = [mask for mask in others if not any(w & mask for w in self._waiting_masks())]
+        least = self._config.least_base
+        others = [m for m in others if scene.base_score(m) >= least and m.bit_length() - 1 not in scene.fasteners]
+        others.sort(key=lambda mask: (-round(scene.base_score(mask), 9), mask))
+        return [first, *others[: self._config.bases - 1]]
+
+    def _waiting_masks(self) -> Iterator[int]:
+        """Masks of the parts that the user wants to be placed after some other: none of them is a base."""
+        for part in bits(self._start):
+            yield self._wishes.waits[part] & self._start
+
+    def _normals(self, base: int) -> list[Float[np.ndarray, "3"]]:
+        """The file's up first, then the world's axes and the base's own lines, both ways."""
+        part = base.bit_length() - 1
+        lines = [*np.eye(3)[[2, 1, 0]], *self._cascade.parts.part_lines[part][:3]]
+        out = [self._model.scene.up]
+        for line in lines:
+            for normal in (line, -line):
+                if all(float(normal @ other) < 0.999 for other in out):
+                    out.append(np.array(normal))
+        return out
+
+    def grow(
+        self,
+        base: int,
+        up: Float[np.ndarray, "3"],
+        expected: Mapping[int, float],
+        *,
+        width: int,
+        quick: bool = False,
+    ) -> list[Candidate]:
+        """Return the orders that a beam grows for one base and table, the cheapest first.
+
+        Args:
+            base: Mask of one part.
+            up: Unit.
+            expected: By unit, what it is expected to cost by itself.
+            width: Orders that grow side by side.
+            quick: Whether the maps alone say what is free. Such an order may not be possible.
+        """
+        ways = self.ways(up)
+        holds, in_fixture = self._holds(base, up)
+        beam = [_State(remaining=self._start, surplus=0.0, held=holds.at_least(self._start))]
+        standing = base | self._stuck
+        while beam[0].remaining != standing:
+            grown = sorted(
+                (
+                    entry
+                    for place, state in enumerate(beam)
+                    for entry in self._grown(state, place, base, up, ways, expected, quick)
+                ),
+                key=lambda entry: entry[:4],
+            )
+            kept: dict[tuple[int, int | None], _State] = {}
+            for surplus, place, _, _, placing, leaving in grown[: 8 * width]:
+                before = beam[place]
+                held = holds.at_least(placing.rest)
+                surplus += self._model.total(self._model.of_hands(held, before.held))
+                key = (placing.rest, leaving.way.direction_index)
+                if key not in kept or surplus < kept[key].surplus - 1e-9:
+                    kept[key] = _State(
+                        remaining=placing.rest,
+                        surplus=surplus,
+                        held=held,
+                        placing=placing,
+                        before=before,
+                        leaving=leaving,
+                        in_fixture=before.in_fixture or self._is_from_below(placing, up),
+                    )
+            beam = self._distinct(sorted(kept.values(), key=lambda state: round(state.surplus, 6)))[:width]
+            if not beam:
+                return []
+        first = sum(expected.get(unit.members, 0.0) for unit in self._units if unit.members != base)
+        first += self._model.total(
+            self._model.of_start(base, base | self._stuck, holds.at_least(base | self._stuck), in_fixture, holds.table)
+        )
+        return [Candidate(base=base, up=up, leaving=state.path(), cost=first + state.surplus) for state in beam]
+
+    def _distinct(self, states: Sequence[_State]) -> list[_State]:
+        """The states, without those that differ from an earlier one only in which of several alike parts have left."""
+        seen: set[tuple[int, int | None, float]] = set()
+        out = []
+        for state in states:
+            last = None if state.leaving is None else state.leaving.way.direction_index
+            key = (self._model.scene.regardless_of_alike(state.remaining), last, round(state.surplus, 6))
+            if key not in seen:
+                seen.add(key)
+                out.append(state)
+        return out
+
+    def polished(self, candidate: Candidate) -> Candidate:
+        """Return an order with single parts placed earlier as long as that makes it cheaper and the budget lasts."""
+        ways, count = self.ways(candidate.up), len(candidate.leaving)
+        best = self._model.total(self.amounts(candidate, exact=False))
+        tries = self._config.moves // max(1, count)
+        pairs = [(own, own - by) for by in range(1, count) for own in range(by, count)]
+        place, since = 0, 0
+        while since < len(pairs) and tries > 0:
+            own, later = pairs[place]
+            place, since = (place + 1) % len(pairs), since + 1
+            order = placed_earlier(candidate.leaving, later, own, start=self._start, ways=ways, wishes=self._wishes)
+            if isinstance(order, Blocked):
+                continue
+            tries -= 1
+            changed = replace(candidate, leaving=order)
+            cost = self._model.total(self.amounts(changed, exact=False))
+            if cost < best - 1e-6:
+                candidate, best, since = changed, cost, 0
+        return replace(candidate, cost=best)
+
+    def _grown(
+        self,
+        state: _State,
+        place: int,
+        base: int,
+        up: Float[np.ndarray, "3"],
+        ways: Ways,
+        expected: Mapping[int, float],
+        quick: bool,
+    ) -> Iterator[tuple[float, int, int, int, Placing, Leaving]]:
+        """What one more unit's leaving leads to: the surplus, hands aside, what breaks ties, and how it leaves."""
+        remaining = state.remaining
+        gone = self._start & ~remaining
+        last = None if state.leaving is None else state.leaving.way.direction_index
+        _, in_fixture = self._holds(base, up)
+        for unit in self._units:
+            members = unit.members
+            if members & ~remaining or members == base or self._holds_back(members, remaining):
+                continue
+            way = ways.open_way(unit, remaining) if quick else ways.way(unit, remaining, last)
+            if way is None:
+                continue
+            placing = Placing(
+                members=members, exit_direction=way.exit_direction, rest=remaining & ~members, after=state.placing
+            )
+            cost = state.surplus + self._model.total(self._model.of_placing(placing, gone, up))
+            cost -= expected.get(members, 0.0)
+            if not (in_fixture or state.in_fixture) and self._is_from_below(placing, up):
+                cost += self._model.config.fixture
+            # of alike parts, those with the higher names go first, so that they are placed in natural order
+            yield round(cost, 6), place, self._rank[unit.part], -unit.part, placing, Leaving(unit=unit, way=way)
+
+    def _is_from_below(self, placing: Placing, up: Float[np.ndarray, "3"]) -> bool:
+        return float(placing.exit_direction @ up) < -self._model.config.above
+
+    @cached_property
+    def _rank(self) -> Sequence[int]:
+        """By part: its place when parts are ordered by bulk."""
+        bulk = np.round(np.log(np.maximum(self._model.scene.bulk, 1e-30)), 3)
+        return np.unique(bulk, return_inverse=True)[1].tolist()
+
+    def _holds_back(self, members: int, remaining: int) -> bool:
+        return any(self._wishes.holds_back(part, remaining & ~members) for part in bits(members))
+
+    def _holds(self, base: int, up: Float[np.ndarray, "3"]) -> tuple[HoldCounter, bool]:
+        key = (base, np.round(up, 9).tobytes())
+        if key not in self._by_table:
+            scene = self._model.scene
+            lows = scene.bounds_along(up)[:, 0]
+            inside = np.array([lows[part] for part in bits(self._start)])
+            gap = self._config.table_gap * scene.size
+            standing = base | self._stuck
+            table, in_fixture = table_under(inside, float(min(lows[part] for part in bits(standing))), up, gap)
+            counter = HoldCounter(
+                self._contacts,
+                table,
+                fixed=standing if in_fixture else 0,
+                max_balances=self._config.balances,
+                known=self._balances.setdefault(key[1], {}),
+            )
+            self._by_table[key] = (counter, in_fixture)
+        return self._by_table[key]
+
+    def best(self, candidates: Sequence[Candidate]) -> Candidate | None:
+        """Return the cheapest of the best few, all held parts counted exactly, and the greedy order among them."""
+        ranked = sorted(range(len(candidates)), key=lambda k: (round(candidates[k].cost, 6), k))
+        tables: dict[tuple[int, bytes], Candidate] = {}
+        for k in ranked:
+            tables.setdefault((candidates[k].base, candidates[k].up.tobytes()), candidates[k])
+        tried = [self.polished(candidate) for candidate in list(tables.values())[: self._config.exact]]
+        greedy = self.greedy(tried[0].up if tried and tried[0].base == 1 << self._found.base else self._model.scene.up)
+        scored = [(round(self.exact_cost(candidate), 6), k, candidate) for k, candidate in enumerate([*tried, greedy])]
+        return min(scored, key=lambda entry: entry[:2])[2]
+
+    def greedy(self, up: Float[np.ndarray, "3"]) -> Candidate:
+        """Return the order that was found first, for a table."""
+        leaving = []
+        for unit in self._units:
+            removal = None if unit.known is None else unit.known.separation.removal
+            if removal is not None:
+                leaving.append(Leaving(unit=unit, way=Way(direction_index=None, exit_direction=removal.exit_direction)))
+        return Candidate(base=1 << self._found.base, up=up, leaving=tuple(leaving), cost=np.inf)
+
+    def exact_cost(self, candidate: Candidate) -> float:
+        """Return the cost of an order, the fewest held parts of every step found by linear programs."""
+        return self._model.total(self.amounts(candidate, exact=True))
+
+    def amounts(self, candidate: Candidate, *, exact: bool) -> Amounts:
+        """Return the terms of an order."""
+        holds, in_fixture = self._holds(candidate.base, candidate.up)
+        count = holds.fewest if exact else holds.at_least
+        out: Amounts = {}
+        remaining, after, below = self._start, None, in_fixture
+        held = count(remaining)
+        for leaving in candidate.leaving:
+            members = leaving.unit.members
+            rest = remaining & ~members
+            after = Placing(members=members, exit_direction=leaving.way.exit_direction, rest=rest, after=after)
+            add(out, self._model.of_placing(after, self._start & ~remaining, candidate.up))
+            if self._is_from_below(after, candidate.up):
+                below = True
+            held_before = count(rest)
+            add(out, self._model.of_hands(held_before, held))
+            remaining, held = rest, held_before
+        add(out, self._model.of_start(candidate.base, candidate.base | self._stuck, held, below, holds.table))
+        return out
+
+    def result(self, candidate: Candidate) -> DisassemblyResult:
+        """Return an order as level 1 says it, with level 1's own answer for every departure."""
+        removals = []
+        remaining = self._start
+        for leaving in candidate.leaving:
+            removals.append(self._departure(leaving, remaining))
+            remaining &= ~leaving.unit.members
+        return replace(
+            self._found,
+            base=candidate.base.bit_length() - 1,
+            removals=tuple(removals),
+            up=tuple(float(x) for x in candidate.up),
+        )
+
+    def _departure(self, leaving: Leaving, remaining: int) -> Departure:
+        unit, s = leaving.unit, leaving.way.direction_index
+        if s is None:
+            assert unit.known is not None
+            return unit.known
+        separation = self._cascade.directions.along(
+            unit.part, remaining, preference=lambda direction: 0.0, refused=self._refused, among=(s,)
+        )
+        assert separation is not None, "the relation answers the same question the same way"
+        turn = Refusal(members=unit.members, direction_index=s, only_turned=True)
+        if turn not in self._refused:
+            separation = self._cascade.with_declared_thread(unit.part, remaining, separation)
+        return Departure(part=unit.part, members=unit.members, separation=separation)
