@@ -55,7 +55,7 @@ def is_screwed_in(
     first = spokes[0] / radii[0]
     around = np.sort(np.arctan2(spokes @ np.cross(axis, first), spokes @ first))
     widest = float(np.max(np.diff(around, append=around[0] + 2.0 * np.pi)))
-    return widest <= _OPEN and float(np.ptp(heights)) >= _LENGTH * 2.0 * float(np.median(radii))
+    return bool(widest <= _OPEN and float(np.ptp(heights)) >= _LENGTH * 2.0 * float(np.median(radii)))
 
 
 Bonds = Mapping[frozenset[str], Fastening]
