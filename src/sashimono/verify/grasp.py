@@ -251,7 +251,7 @@ def _first_hit(
         if around.table is not None:
             # flush with the table is no hit: a part that lies on it is held down there
             limit = config.relative_tolerance * box.smallest_extent
-            options = {"limit": limit, "resolution": limit, "coarse": 0.25 * box.wall}
+            options: dict[str, float] = {"limit": limit, "resolution": limit, "coarse": 0.25 * box.wall}
             if not sweep(box.tree, around.table, path, max_queries=config.max_queries, **options).holds:
                 return box.name, "the table"
         for name, (body, T_world_body) in around.bodies.items():

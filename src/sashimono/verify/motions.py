@@ -27,7 +27,9 @@ class MotionCheck:
             part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=self._config.samples)
             for part in assembly.parts
         }
-        self._overlaps = AssembledOverlaps(self._bodies, {part.name: part.T_world_part for part in assembly.parts})
+        self._overlaps = AssembledOverlaps(
+            self._bodies, {part.name: part.T_world_part for part in assembly.parts}, self._config
+        )
 
     def problems(self, part: int, fixed: Sequence[int], T_world_part: Float[np.ndarray, "pose 4 4"]) -> list[str]:
         """Return what is wrong with a part's way (its assembled pose last) past fixed parts; nothing if it holds."""
@@ -41,7 +43,7 @@ class MotionCheck:
                 self._bodies[name],
                 path,
                 parts[k].T_world_part,
-                allowance=lambda name=name: self._overlaps.depth(own, name),
+                overlaps=self._overlaps,
                 tolerance=pair_tolerance(body, self._bodies[name], self._config),
                 config=self._config,
             )
