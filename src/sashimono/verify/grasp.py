@@ -247,11 +247,12 @@ def _first_hit(
     boxes: list[SampledBody], path: Screws, around: Surroundings, config: VerifyConfig
 ) -> tuple[str, str] | None:
     """Return the first box of the gripper that hits something along the path, and what it hits."""
+    options: dict[str, Any]
     for box in boxes:
         if around.table is not None:
             # flush with the table is no hit: a part that lies on it is held down there
             limit = config.relative_tolerance * box.smallest_extent
-            options: dict[str, float] = {"limit": limit, "resolution": limit, "coarse": 0.25 * box.wall}
+            options = {"limit": limit, "resolution": limit, "coarse": 0.25 * box.wall}
             if not sweep(box.tree, around.table, path, max_queries=config.max_queries, **options).holds:
                 return box.name, "the table"
         for name, (body, T_world_body) in around.bodies.items():
