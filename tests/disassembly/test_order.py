@@ -17,7 +17,7 @@ from sashimono.disassembly.sequence.constraints import OrderConstraints
 from sashimono.disassembly.sequence.cost import TERMS, OrderCostConfig, Placing
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
-from sashimono.disassembly.sequence.holds import Contacts, HoldCounter, unsteadiness
+from sashimono.disassembly.sequence.holds import Allowance, Contacts, HoldCounter, unsteadiness
 from sashimono.disassembly.sequence.order import Orderer
 from sashimono.io.plan_json import plan_from_json, plan_to_json
 from sashimono.pipeline import PipelineConfig, plan_assembly
@@ -163,10 +163,18 @@ def tower() -> tuple[Contacts, Assembly]:
 @pytest.mark.parametrize("placed", range(1, 16))
 def test_the_bound_of_held_parts_is_one(placed: int) -> None:
     contacts, _ = tower()
-    counter = HoldCounter(contacts, Table(normal=UP, offset=0.0), fixed=0, max_balances=1000, known={})
+    counter = HoldCounter(contacts, Table(normal=UP, offset=0.0), fixed=0, allowance=Allowance(1000), known={})
     assert counter.at_least(placed) <= counter.fewest(placed)
-    in_air = HoldCounter(contacts, Table(normal=UP, offset=-1.0), fixed=0, max_balances=1000, known={})
+    in_air = HoldCounter(contacts, Table(normal=UP, offset=-1.0), fixed=0, allowance=Allowance(1000), known={})
     assert in_air.at_least(placed) >= 1
+
+
+def test_a_bound_whose_budget_is_spent_counts_nothing() -> None:
+    contacts, _ = tower()
+    spent = HoldCounter(contacts, Table(normal=UP, offset=0.0), fixed=0, allowance=Allowance(0), known={})
+    assert spent.at_least(0b1111) == 0
+    in_air = HoldCounter(contacts, Table(normal=UP, offset=-1.0), fixed=0, allowance=Allowance(0), known={})
+    assert in_air.at_least(0b1111) == 1
 
 
 def test_a_flat_plate_is_steady_and_one_on_edge_is_not() -> None:

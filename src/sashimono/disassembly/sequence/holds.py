@@ -55,11 +55,23 @@ Balance = tuple[int, int, float | None]
 """A rigid group, the parts around it, and the table's offset if the group stands on it."""
 
 
+class Allowance:
+    """How many balances may still be asked, by all tables together."""
+
+    def __init__(self, most: int) -> None:
+        self._left = most
+
+    def take(self) -> bool:
+        """Return whether one more may be asked, and take it away."""
+        self._left -= 1
+        return self._left >= 0
+
+
 class HoldCounter:
     """Counts held parts on one table."""
 
     def __init__(
-        self, contacts: Contacts, table: Table, *, fixed: int, max_balances: int, known: dict[Balance, bool]
+        self, contacts: Contacts, table: Table, *, fixed: int, allowance: Allowance, known: dict[Balance, bool]
     ) -> None:
         """Take in the contacts and the table.
 
@@ -67,14 +79,14 @@ class HoldCounter:
             contacts: Touching and bonded parts.
             table: On which the parts stand.
             fixed: Mask of those that a fixture holds; 0 if the base stands on the table.
-            max_balances: Groups whose balance is asked for the bounds; when they are spent, groups count as balanced.
+            allowance: Groups whose balance may be asked for the bounds; when they are spent, groups count as balanced.
             known: What was found of groups, shared by all tables with one normal.
         """
         self.contacts = contacts
         self.table = table
         self.fixed = fixed
         self._statics = Statics(contacts.touching, table)
-        self._left = max_balances
+        self._allowance = allowance
         self._stands = known
         self._offset = round(float(table.offset), 9)
         self._on_table = 0
@@ -106,9 +118,8 @@ class HoldCounter:
         around = self.contacts.around(group, placed)
         key = (group, around, self._offset if group & self._on_table else None)
         if key not in self._stands:
-            if self._left <= 0:
+            if not self._allowance.take():
                 return True
-            self._left -= 1
             names, held = self._names(group | around), self._names(around)
             components = self._statics.components(names, held)
             self._stands[key] = all(_balances_alone(component) for component in components)

@@ -22,7 +22,7 @@ from sashimono.disassembly.sequence.alternatives import Alternatives
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
 from sashimono.disassembly.sequence.cost import Amounts, CostModel, Placing, add
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
-from sashimono.disassembly.sequence.holds import Balance, Contacts, HoldCounter, table_under
+from sashimono.disassembly.sequence.holds import Allowance, Balance, Contacts, HoldCounter, table_under
 from sashimono.disassembly.sequence.moves import Blocked, placed_earlier
 from sashimono.disassembly.sequence.ways import Candidate, Leaving, Way, Ways, Work, units_of
 from sashimono.plan import Alternative
@@ -46,11 +46,13 @@ class OrderSearchConfig:
     """Bulk times neighbours that a base has at least, over the most of any part."""
     expansions: int = 12_000
     """Parts asked for a way out; with many parts, the beam is narrower for it."""
-    balances: int = 2_000
-    """Rigid groups, each with what is around it, whose balance is asked for a table, to bound what must be held."""
+    balances: int = 8_000
+    """Rigid groups, each with what is around it, whose balance is asked to bound what must be held."""
     exact: int = 2
     """Orders, for different bases or tables, of which the fewest held parts are found at every step at the end,
     besides the greedy one."""
+    exact_sets: int = 120
+    """Sets of placed parts for which that is done, at most; orders with more are compared by the bounds."""
     moves: int = 3_000
     """Steps counted anew for orders in which one part is placed earlier, to make the best ones better."""
     traced: float = 1_500_000.0
@@ -126,9 +128,9 @@ class OrderSearch:
         if not removals:
             return found
         work = Work(self._cascade, self._config.traced)
-        run = _Run(self, found, start, refused, work)
+        run = _Run(self, found, start, refused, work, up)
         candidates: list[Candidate] = []
-        for first in run.starts(up, top):
+        for first in run.starts(top):
             candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
         best = run.best(candidates)
         return found if best is None else run.result(best)
@@ -149,7 +151,7 @@ class OrderSearch:
             refused: Ways out that are not to be taken.
             up: Away from the table, unit.
         """
-        run = _Run(self, found, start, refused, Work(self._cascade, self._config.traced))
+        run = _Run(self, found, start, refused, Work(self._cascade, self._config.traced), up)
         ways, order = run.ways(up), run.greedy(up)
         asked = Alternatives(
             order,
@@ -181,6 +183,7 @@ class _Run:
         start: int,
         refused: frozenset[Refusal],
         work: Work,
+        up: Float[np.ndarray, "3"] | None,
     ) -> None:
         self._cascade = search._cascade
         self._contacts = search._contacts
@@ -191,10 +194,12 @@ class _Run:
         self._start = start
         self._refused = refused
         self._work = work
+        self._up = up
         self._stuck = sum(1 << part for part, _ in found.stuck)
         self._units = units_of(found.base, found.removals, start)
         self._by_table: dict[tuple[int, bytes], tuple[HoldCounter, bool]] = {}
         self._ways: dict[bytes, Ways] = {}
+        self._allowance = Allowance(self._config.balances)
         self._balances: dict[bytes, dict[Balance, bool]] = {}
 
     @property
@@ -217,11 +222,13 @@ class _Run:
             )
         return self._ways[key]
 
-    def starts(self, up: Float[np.ndarray, "3"] | None, top: bool) -> list[Candidate]:
+    def starts(self, top: bool) -> list[Candidate]:
         """Return quick orders for bases and tables: those that cost least."""
         found: list[Candidate] = []
-        for base in self._bases(top):
-            for normal in self._normals(base) if up is None else [up]:
+        bases = self._bases(top)
+        most = max(1, 2 * self._config.expansions // (len(self._units) ** 2 * len(bases)))
+        for base in bases:
+            for normal in self._normals(base)[:most] if self._up is None else [self._up]:
                 expected = self.expected(self.greedy(normal))
                 found += self.grow(base, normal, expected, width=1, quick=True)
         chosen: list[Candidate] = []
@@ -424,7 +431,7 @@ class _Run:
                 self._contacts,
                 table,
                 fixed=standing if in_fixture else 0,
-                max_balances=self._config.balances,
+                allowance=self._allowance,
                 known=self._balances.setdefault(key[1], {}),
             )
             self._by_table[key] = (counter, in_fixture)
@@ -437,8 +444,12 @@ class _Run:
         for k in ranked:
             tables.setdefault((candidates[k].base, candidates[k].up.tobytes()), candidates[k])
         tried = [self.polished(candidate) for candidate in list(tables.values())[: self._config.exact]]
-        greedy = self.greedy(tried[0].up if tried and tried[0].base == 1 << self._found.base else self._model.scene.up)
-        scored = [(round(self.exact_cost(candidate), 6), k, candidate) for k, candidate in enumerate([*tried, greedy])]
+        base = 1 << self._found.base
+        normals = self._normals(base) if self._up is None else [self._up]
+        greedy = min(map(self.greedy, normals), key=lambda order: round(self.cost(order, exact=False), 6))
+        compared = [*tried, greedy]
+        exact = len(self._units) * len(compared) <= self._config.exact_sets
+        scored = [(round(self.cost(order, exact=exact), 6), k, order) for k, order in enumerate(compared)]
         return min(scored, key=lambda entry: entry[:2])[2]
 
     def greedy(self, up: Float[np.ndarray, "3"]) -> Candidate:
@@ -450,9 +461,9 @@ class _Run:
                 leaving.append(Leaving(unit=unit, way=Way(direction_index=None, exit_direction=removal.exit_direction)))
         return Candidate(base=1 << self._found.base, up=up, leaving=tuple(leaving), cost=np.inf)
 
-    def exact_cost(self, candidate: Candidate) -> float:
-        """Return the cost of an order, the fewest held parts of every step found by linear programs."""
-        return self._model.total(self.amounts(candidate, exact=True))
+    def cost(self, candidate: Candidate, *, exact: bool) -> float:
+        """Return the cost of an order, the held parts of every step found by linear programs, or bounded."""
+        return self._model.total(self.amounts(candidate, exact=exact))
 
     def amounts(self, candidate: Candidate, *, exact: bool) -> Amounts:
         """Return the terms of an order."""
