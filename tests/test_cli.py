@@ -73,6 +73,7 @@ def plan_with_status(status: str, calls: dict[str, Any]) -> Any:
         (["plan", "in.step", "--out", "o", "--wrong"], "No such option"),
         (["plan", "in.step", "--out", "o", "--method", "magic"], "--method magic is not in this version"),
         (["plan", "in.step", "--out", "o", "--gripper", "claw"], "gripper 'claw' is not known"),
+        (["plan", "in.step", "--out", "o", "--method", "past", "--explain-order"], "--explain-order is for --method"),
         (["plan", "in.step", "--out", "o"], "in.step"),
         (["verify", "plan.json"], "plan.json"),
         (["conditions", "in.step", "--json", "c.json"], "in.step"),
@@ -138,6 +139,17 @@ def test_plan_then_verify(two_boxes: Path, tmp_path: Path, capsys: pytest.Captur
     (two_boxes / "plate.obj").unlink()
     assert run(["verify", str(out / "plan.json")]) == BAD_INPUT
     assert "boxes" in one_line(capsys.readouterr().err)
+
+
+def test_plan_says_what_its_order_costs_and_what_else_could_have_come(
+    two_boxes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "made"
+    assert run(["plan", str(two_boxes), "--out", str(out), "--unit", "mm", "--explain-order"]) == OK
+    assert "\ncost of the order " in capsys.readouterr().out
+    written = json.loads((out / "plan.json").read_text())
+    assert written["cost"]["total"] >= 0.0
+    assert [step["alternatives"] for step in written["steps"]] == [[], []]
 
 
 def test_same_seed_same_plan(two_boxes: Path, tmp_path: Path) -> None:
