@@ -127,14 +127,15 @@ def plan_assembly(
         stage=clock.stage,
     )
     best: _Attempt | None = None
+    given_up = False
     refutations: dict[str, str] = {}
     for_contacts = config.contact_attempts if config.contacts else 0
     # each attempt has generators of its own, so that what earlier attempts drew does not matter
     for number, (motion_rng, contact_rng) in enumerate(
         zip(rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True)
     ):
-        # where an order that was searched for fails twice, the one that was found first is tried
-        searched = orderer if config.method == "cascade" and number < 2 else None
+        # where an order that was searched for fails twice, or for good, the one that was found first is tried
+        searched = orderer if config.method == "cascade" and number < 2 and not given_up else None
         attempt = _attempt(planner, cascade, searched, refused, config, (motion_rng, contact_rng), progress)
         refutations |= attempt.refutations
         if best is None or attempt.worth > best.worth:
@@ -143,7 +144,9 @@ def plan_assembly(
         if not again and for_contacts > 0 and not attempt.unsolved:
             for_contacts -= 1
             again = attempt.contactless - refused
-        if not again:
+        if not again and searched is not None and attempt.left_out:
+            given_up = True
+        elif not again:
             break
         refused |= again
         logger.info("going back to level 1 without %s", sorted(map(str, again)))
@@ -170,6 +173,13 @@ class _Attempt:
     refutations: Mapping[str, str]
     """What the check, or level 2, said of each part whose motion it refused."""
     verified: bool
+
+    @property
+    def left_out(self) -> bool:
+        """Whether a part is unsolved that level 1 took apart."""
+        levels = [self.found, *(d.inside for d in self.found.departures() if d.inside is not None)]
+        stuck = sum(len(level.stuck) for level in levels)
+        return len(self.unsolved) > stuck
 
     @property
     def worth(self) -> tuple[int, int]:
