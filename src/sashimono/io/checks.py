@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 from manifold3d import Manifold
 
-from sashimono.assembly import Overlap, Part
+from sashimono.assembly import Overlap, Part, size_words
 from sashimono.errors import InputError
 from sashimono.geometry.mesh.solid import to_manifold
 from sashimono.io.mending.folds import count_folded
 from sashimono.io.mending.mend import Surface, close_surface
-from sashimono.io.raw import RawPart, ReadConfig
+from sashimono.io.raw import METRES, RawPart, ReadConfig
 
 
 def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadConfig) -> tuple[list[Part], list[str]]:
@@ -54,14 +55,37 @@ def _refusal(broken: list[tuple[RawPart, str]], source: str, repair: bool) -> st
     return f"{source}: {len(broken)} parts are not closed: {listed}; {way_out}"
 
 
-def size_note(parts: list[Part], unit: str, config: ReadConfig) -> list[str]:
-    """Return a note if the assembly's diagonal is implausible, naming the unit to check."""
+def size_note(parts: list[Part], unit: str, config: ReadConfig, *, stated: bool) -> list[str]:
+    """Return a note if the assembly's diagonal is implausible, naming units that would be plausible.
+
+    ``stated`` says whether the file names its unit.
+    """
     low = np.min([p.bounds_world[0] for p in parts], axis=0)
     high = np.max([p.bounds_world[1] for p in parts], axis=0)
-    diagonal = float(np.linalg.norm(high - low))
-    if config.smallest <= diagonal <= config.largest:
+    if is_likely(float(np.linalg.norm(high - low)), config, stated=stated):
         return []
-    return [f"the whole assembly measures {diagonal:.3g} m: check the unit, {unit!r} was used"]
+    others = [
+        f"{size_words(np.array([low, high]) * METRES[other] / METRES[unit])} in {other}"
+        for other in likely_units((high - low) / METRES[unit], config)
+    ]
+    way_out = "" if stated else "; give --unit"
+    hint = f" (it would be {' or '.join(others)}{way_out})" if others else ""
+    return [f"the whole assembly measures {size_words(np.array([low, high]))}: check the unit, {unit!r} was used{hint}"]
+
+
+def is_likely(diagonal: float, config: ReadConfig, *, stated: bool) -> bool:
+    """Return whether a product may have this diagonal [m]."""
+    smallest, largest = config.plausible if stated else config.likely
+    return bool(smallest <= diagonal <= largest)
+
+
+def likely_units(edges: Float[np.ndarray, "3"], config: ReadConfig) -> tuple[str, ...]:
+    """Return the common units in which edges of this length, as the file has them, make a likely product."""
+    return tuple(
+        unit
+        for unit in ("mm", "m", "in", "cm")
+        if is_likely(float(np.linalg.norm(edges)) * METRES[unit], config, stated=False)
+    )
 
 
 def find_overlaps(parts: list[Part], config: ReadConfig) -> tuple[Overlap, ...]:

@@ -21,7 +21,7 @@ from sashimono.io.formats.scenes import read_3mf_scene, read_gltf_scene
 from sashimono.io.formats.step import read_step
 from sashimono.io.mending.split import split_parts
 from sashimono.io.names import unique_names
-from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig
+from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig, refuse_many
 from sashimono.selection import matching
 
 SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
@@ -52,7 +52,8 @@ def read_assembly(
     if unit is not None and unit != raw.unit:
         notes.append(f"the file states its unit ({raw.unit}): unit {unit} not used")
     raw_parts, split_notes = _split_single(raw)
-    _check_finite(raw_parts, str(path))
+    refuse_many(len(raw_parts), str(path), config.max_parts)
+    _check_coordinates(raw_parts, str(path), config)
     if len(raw_parts) < 2:
         what = f"holds 1 part ({raw_parts[0].name})" if raw_parts else "holds no part with a surface"
         raise InputError(f"{path}: {what}; an assembly needs at least 2")
@@ -65,7 +66,7 @@ def read_assembly(
     parts, mend_notes = close_parts(raw_parts, source=str(path), repair=repair, config=config)
     parts, kept_notes = split_parts(parts, config=config)
     names = [part.name for part in parts]
-    notes += [*split_notes, *mend_notes, *kept_notes, *size_note(parts, raw.unit, config)]
+    notes += [*split_notes, *mend_notes, *kept_notes, *size_note(parts, raw.unit, config, stated=raw.unit_stated)]
     same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
     return Assembly(
         parts=tuple(parts),
@@ -80,8 +81,8 @@ def read_assembly(
 
 def _read_raw(path: Path, unit: str | None, config: ReadConfig) -> RawAssembly:
     if path.is_dir():
-        gallery = read_fusion360(path) if (path / ASSEMBLY_FILE).is_file() else None
-        return read_folder(path, unit) if gallery is None else gallery
+        gallery = read_fusion360(path, most=config.max_parts) if (path / ASSEMBLY_FILE).is_file() else None
+        return read_folder(path, unit, most=config.max_parts) if gallery is None else gallery
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
@@ -97,7 +98,8 @@ def _read_raw(path: Path, unit: str | None, config: ReadConfig) -> RawAssembly:
         raise InputError(f"{path}: the file is empty; export it again")
     if suffix in (".step", ".stp"):
         return read_step(path, data, config)
-    return read_3mf_scene(path, data) if suffix == ".3mf" else read_gltf_scene(path, data)
+    read_scene = read_3mf_scene if suffix == ".3mf" else read_gltf_scene
+    return read_scene(path, data, most=config.max_parts)
 
 
 def _split_single(raw: RawAssembly) -> tuple[list[RawPart], list[str]]:
@@ -112,12 +114,20 @@ def _split_single(raw: RawAssembly) -> tuple[list[RawPart], list[str]]:
     return parts, [f"{part.name}: the file's only part holds {len(solids)} solids; each was taken as a part"]
 
 
-def _check_finite(parts: list[RawPart], source: str) -> None:
-    """Raise InputError for parts whose arrays are no mesh; the readers of single files have checked theirs."""
+def _check_coordinates(parts: list[RawPart], source: str, config: ReadConfig) -> None:
+    """Raise InputError for parts whose arrays are no mesh, or whose coordinates are beyond any product."""
     for part in parts:
         problem = meshes.mesh_problem(meshes.Mesh(vertices=part.vertices, faces=np.asarray(part.faces)))
         if problem:
             raise InputError(f"{source}: {part.name} {problem}; export it again")
+        # in double precision a product that is so large or so far away has no details left
+        reach = max(float(np.abs(part.vertices).max()), float(np.abs(part.T_world_part[:3, 3]).max()))
+        if reach > config.farthest:
+            where = part.where if part.where != source else f"{source}: {part.name}"
+            raise InputError(
+                f"{where}: coordinates of {reach:.3g} m; nothing so large or so far away is planned. Check the unit,"
+                " move the product near the origin, or export it again."
+            )
 
 
 def _digest(files: Mapping[str, bytes], path: Path) -> str:
