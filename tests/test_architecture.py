@@ -22,7 +22,7 @@ PACKAGE = REPOSITORY / "src" / "sashimono"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
-    {"errors", "files"},
+    {"errors", "files", "reporting"},
     {"selection"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
@@ -39,6 +39,7 @@ LEVELS = [
     {"outputs", "console"},
     {"tasks", "notebook"},
     {"commands"},
+    {"cli_common"},
     {"cli_dataset", "cli_learning"},
     {"cli"},
 ]
