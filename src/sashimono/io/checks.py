@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from manifold3d import Manifold
@@ -14,15 +17,58 @@ from sashimono.io.mending.mend import Surface, close_surface
 from sashimono.io.raw import METRES, RawPart, ReadConfig
 
 
-def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadConfig) -> tuple[list[Part], list[str]]:
-    """Return the parts with closed, outward surfaces, and notes on what was mended.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BrokenPart:
+    """A part whose surface cannot be closed."""
 
-    Raises one InputError that names every part that cannot be closed.
-    """
+    raw: RawPart
+    problem: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClosedParts:
+    """What came of closing the surfaces of all parts."""
+
+    parts: tuple[Part, ...]
+    """Those that are closed, outward surfaces."""
+    mended: Mapping[str, tuple[str, ...]]
+    """What was changed, by name of the part."""
+    folded: Mapping[str, int]
+    """How many triangles at least lie back to back with a neighbour, by name of the part."""
+    broken: tuple[BrokenPart, ...]
+    """Those that cannot be closed."""
+
+    @property
+    def notes(self) -> list[str]:
+        """One line for each part that was mended, and one for each that is folded."""
+        lines = []
+        for part in self.parts:
+            if part.name in self.mended:
+                lines.append(f"{part.name}: {', '.join(self.mended[part.name])}")
+            if (count := self.folded.get(part.name, 0)) > 0:
+                lines.append(
+                    f"{part.name}: folded onto itself at {count} triangles or more; depths near them are unsure"
+                )
+        return lines
+
+    def refuse_broken(self, source: str, *, repair: bool) -> None:
+        """Raise one InputError that names every part that cannot be closed, if there is any."""
+        if self.broken:
+            raise InputError(_refusal([(each.raw, each.problem) for each in self.broken], source, repair))
+
+
+def folded_words(count: int) -> str:
+    """Return what it means that so many triangles of a part lie back to back."""
+    return f"folded onto itself at {count} triangles or more; depths near them are unsure"
+
+
+def close_parts(raw: Sequence[RawPart], *, repair: bool, config: ReadConfig) -> ClosedParts:
+    """Return the parts with closed, outward surfaces, what was mended, and those that cannot be closed."""
     done: dict[int, Surface | str] = {}
     parts: list[Part] = []
-    notes: list[str] = []
-    broken: list[tuple[RawPart, str]] = []
+    mended: dict[str, tuple[str, ...]] = {}
+    folds: dict[str, int] = {}
+    broken: list[BrokenPart] = []
     for part in raw:
         result = done.get(part.shape) if part.shape is not None else None
         if result is None:
@@ -30,18 +76,17 @@ def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadCo
             if part.shape is not None:
                 done[part.shape] = result
         if isinstance(result, str):
-            broken.append((part, result))
+            broken.append(BrokenPart(raw=part, problem=result))
             continue
         parts.append(Part(
             name=part.name, vertices_part=result.vertices, faces=result.faces, T_world_part=part.T_world_part,
             color=part.color,
         ))  # fmt: skip
-        notes += [f"{part.name}: {', '.join(result.mended)}"] if result.mended else []
+        if result.mended:
+            mended[part.name] = result.mended
         if (folded := count_folded(result.vertices, result.faces, config=config)) > 0:
-            notes.append(f"{part.name}: folded onto itself at {folded} triangles or more; depths near them are unsure")
-    if broken:
-        raise InputError(_refusal(broken, source, repair))
-    return parts, notes
+            folds[part.name] = folded
+    return ClosedParts(parts=tuple(parts), mended=mended, folded=folds, broken=tuple(broken))
 
 
 def _refusal(broken: list[tuple[RawPart, str]], source: str, repair: bool) -> str:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from sashimono.assembly import Assembly, Source
+from sashimono.assembly import Assembly, Part, Source
 from sashimono.errors import InputError
 from sashimono.geometry.mesh import topology
 from sashimono.geometry.mesh.shapes import identical_shapes
-from sashimono.io.checks import close_parts, find_overlaps, size_note
+from sashimono.io.checks import BrokenPart, close_parts, find_overlaps, size_note
 from sashimono.io.formats import meshes
 from sashimono.io.formats.folders import read_folder
 from sashimono.io.formats.fusion360 import ASSEMBLY_FILE, read_fusion360
@@ -28,6 +28,24 @@ SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
 """Files that hold a whole assembly."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inspection:
+    """All that a source holds, sound or not."""
+
+    assembly: Assembly
+    """The parts whose surfaces are closed, perhaps after mending."""
+    broken: tuple[tuple[Part, str], ...]
+    """The other parts, as their file has them, and what is wrong with each."""
+    mended: Mapping[str, tuple[str, ...]]
+    """What was changed of the surfaces, by the name of the part in the file."""
+    folded: Mapping[str, int]
+    """How many triangles at least lie back to back with a neighbour, by the name of the part in the file."""
+    unit_stated: bool
+    """Whether the source says in which unit it is."""
+    unit_given: bool
+    """Whether the caller said so."""
+
+
 def read_assembly(
     path: str | Path, *, unit: str | None = None, repair: bool = True, config: ReadConfig | None = None
 ) -> Assembly:
@@ -40,7 +58,19 @@ def read_assembly(
     none. With ``repair``, small faults are mended and named in the notes. Raises InputError, one
     line with the way out, for anything that cannot be used.
     """
-    path, config = Path(path), config or ReadConfig()
+    return _read(path, unit, repair, config or ReadConfig(), refuse_broken=True).assembly
+
+
+def inspect_assembly(path: str | Path, *, unit: str | None = None, config: ReadConfig | None = None) -> Inspection:
+    """Return what a source holds, parts that cannot be closed included; see `read_assembly`.
+
+    Raises InputError only where there is nothing to look at.
+    """
+    return _read(path, unit, True, config or ReadConfig(), refuse_broken=False)
+
+
+def _read(path: str | Path, unit: str | None, repair: bool, config: ReadConfig, *, refuse_broken: bool) -> Inspection:
+    path = Path(path)
     if unit is not None and unit not in METRES:
         raise InputError(f"unit {unit!r} is not known; use one of {', '.join(METRES)}")
     try:
@@ -63,12 +93,16 @@ def read_assembly(
     raw_parts = [part for part in raw_parts if part.name not in excluded]
     if len(raw_parts) < 2:
         raise InputError(f"{path}: --exclude leaves {len(raw_parts)} of {len(names)} parts; leave out fewer")
-    parts, mend_notes = close_parts(raw_parts, source=str(path), repair=repair, config=config)
-    parts, kept_notes = split_parts(parts, config=config)
+    closed = close_parts(raw_parts, repair=repair, config=config)
+    if refuse_broken:
+        closed.refuse_broken(str(path), repair=repair)
+    parts, kept_notes = split_parts(closed.parts, config=config)
     names = [part.name for part in parts]
-    notes += [*split_notes, *mend_notes, *kept_notes, *size_note(parts, raw.unit, config, stated=raw.unit_stated)]
+    broken = [(_as_it_is(each), each.problem) for each in closed.broken]
+    notes += [*split_notes, *closed.notes, *kept_notes]
+    notes += size_note([*parts, *(part for part, _ in broken)], raw.unit, config, stated=raw.unit_stated)
     same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
-    return Assembly(
+    assembly = Assembly(
         parts=tuple(parts),
         source=Source(
             path=str(path), sha256=_digest(raw.files, path), unit=raw.unit, split=config.split, excluded=excluded
@@ -76,6 +110,21 @@ def read_assembly(
         overlaps=find_overlaps(parts, config),
         identical=tuple(tuple(names[k] for k in members) for members in same),
         notes=tuple(notes),
+    )
+    return Inspection(
+        assembly=assembly,
+        broken=tuple(broken),
+        mended=closed.mended,
+        folded=closed.folded,
+        unit_stated=raw.unit_stated,
+        unit_given=unit is not None,
+    )
+
+
+def _as_it_is(broken: BrokenPart) -> Part:
+    raw = broken.raw
+    return Part(
+        name=raw.name, vertices_part=raw.vertices, faces=raw.faces, T_world_part=raw.T_world_part, color=raw.color
     )
 
 

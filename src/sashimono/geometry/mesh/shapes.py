@@ -7,6 +7,7 @@ carries one's vertices onto the other's.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -46,12 +47,18 @@ def identical_shapes(
     config = config or ShapeConfig()
     shapes = [_describe(vertices, faces) for vertices, faces in meshes]
     classes: list[list[int]] = []
+    # with thousands of parts only those of as many corners and faces and about the same volume are compared
+    alike: dict[tuple[int, int], list[tuple[float, int]]] = {}
     for k, shape in enumerate(shapes):
-        for members in classes:
-            if _same(shapes[members[0]], shape, config):
-                members.append(k)
+        known = alike.setdefault((len(shape.points), len(shape.faces)), [])
+        size, slack = float(shape.measures[0]), 2.0 * config.tolerance * shape.radius
+        near = known[bisect_left(known, (size - slack, -1)) : bisect_right(known, (size + slack, len(shapes)))]
+        for index in sorted(index for _, index in near):
+            if _same(shapes[classes[index][0]], shape, config):
+                classes[index].append(k)
                 break
         else:
+            insort(known, (size, len(classes)))
             classes.append([k])
     return tuple(tuple(members) for members in classes if len(members) > 1)
 
