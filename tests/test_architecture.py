@@ -28,6 +28,7 @@ LEVELS = [
     {"assembly", "plan", "bodies"},
     {"io"},
     {"stability", "fasteners"},
+    {"doctor"},
     {"disassembly"},
     {"motion"},
     {"contact"},
@@ -55,6 +56,7 @@ ROOMS = {
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
     ],
+    "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
     "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},

@@ -33,6 +33,7 @@ from sashimono.cli_dataset import dataset_app
 from sashimono.cli_learning import learning_app
 from sashimono.commands import (
     BAD_INPUT,
+    DIFFERS,
     INTERRUPTED,
     NO_PLAN,
     OK,
@@ -350,6 +351,42 @@ def _orders_in_words(written: Mapping[str, object]) -> str:
     if not written["cut_short"]:
         return str(written["orders"])
     return f"at least {written['orders']}" if written["orders"] else "none found"
+
+
+@command(app)
+def doctor(
+    source: InputPath,
+    json_file: JsonFile = None,
+    html_file: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="show it in 3D, in one page")] = None,
+    unit: Unit = None,
+    split: Split = "auto",
+    exclude: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="leave a part out; repeatable; a name or a pattern")
+    ] = None,
+) -> int:
+    """Look at INPUT before it is planned: size and unit, open parts, overlaps, what floats, hides, is there twice.
+
+    Exit status 0 if nothing stands in the way of a plan, 1 if something does.
+    """
+    from dataclasses import replace
+
+    from sashimono.doctor import diagnosis_as_dict, diagnosis_lines, examine
+    from sashimono.io.read import inspect_assembly
+
+    refuse_bad_files({"--json": json_file, "--html": html_file})
+    options = replace(reading_options(split), exclude=tuple(exclude or ()))
+    found = examine(inspect_assembly(source, unit=unit, config=options))
+    for line in diagnosis_lines(found):
+        say(line)
+    if json_file is not None:
+        write_json(json_file, diagnosis_as_dict(found))
+    if html_file is not None:
+        from sashimono.view import write_diagnosis
+
+        with replacing_together(html_file.parent) as folder:
+            write_diagnosis(found, folder / html_file.name)
+        say(f"open in a browser: {html_file.resolve()}")
+    return OK if found.ok else DIFFERS
 
 
 @command(app)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from sashimono.io.constraints_file import Wishes
     from sashimono.io.raw import ReadConfig
 
-OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
-"""Exit status."""
+OK, DIFFERS, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 1, 2, 3, 130
+"""Exit status. `DIFFERS` is also the doctor's, if something stands in the way."""
 
 SPLITS = ("auto", "all", "none")
 """What ``--split`` takes."""

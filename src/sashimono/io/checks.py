@@ -135,7 +135,7 @@ def likely_units(edges: Float[np.ndarray, "3"], config: ReadConfig) -> tuple[str
 
 def find_overlaps(parts: list[Part], config: ReadConfig) -> tuple[Overlap, ...]:
     """Return the pairs of parts that share volume in the assembled pose, worst first."""
-    boxes = np.array([part.bounds_world for part in parts])
+    boxes = np.array([part.bounds_world for part in parts]).reshape(-1, 2, 3)
     low, high = boxes[:, 0], boxes[:, 1]
     meet = ((low[:, None] < high[None]) & (high[:, None] > low[None])).all(axis=2)
     solids: dict[int, Manifold] = {}
