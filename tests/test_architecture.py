@@ -34,7 +34,7 @@ LEVELS = [
     {"contact"},
     {"tree"},
     {"verify", "view"},
-    {"d4pas"},
+    {"d4pas", "diff"},
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
@@ -56,6 +56,7 @@ ROOMS = {
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
     ],
+    "diff": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
     "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
     "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
     "disassembly": [

@@ -390,6 +390,31 @@ def doctor(
 
 
 @command(app)
+def diff(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="before: a plan.json, or what 'plan' takes")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="after: likewise")],
+    json_file: JsonFile = None,
+    unit: Unit = None,
+) -> int:
+    """Say what changed between two revisions or plans, and whether the old plan still works.
+
+    Exit status 0 if nothing changed, 1 if something did, 3 if the old plan does not work any more.
+    """
+    from sashimono.diff import compare, read_side, revision_as_dict, revision_lines
+
+    refuse_bad_files({"--json": json_file})
+    before = read_side(old, unit=unit)
+    found = compare(before, read_side(new, unit=unit, like=before))
+    for line in revision_lines(found):
+        say(line)
+    if json_file is not None:
+        write_json(json_file, revision_as_dict(found))
+    if found.holds is False:
+        return NO_PLAN
+    return OK if found.same else DIFFERS
+
+
+@command(app)
 def explain(
     source: InputPath,
     part: Annotated[str | None, typer.Option(metavar="NAME", help="the part; if not given, all that are stuck")] = None,

@@ -62,7 +62,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[_F], _F]:
 
         del run.__wrapped__  # else its signature would be taken
         parameters = [*own.parameters.values(), *shared]
-        run.__signature__ = own.replace(parameters=parameters)
+        run.__signature__ = own.replace(parameters=parameters)  # pyright: ignore[reportAttributeAccessIssue]
         run.__annotations__ = {each.name: each.annotation for each in parameters}
         app.command(name)(run)
         return function
