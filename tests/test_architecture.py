@@ -41,8 +41,10 @@ LEVELS = [
     {"tasks", "notebook"},
     {"commands"},
     {"cli_common"},
-    {"cli_dataset", "cli_learning"},
+    {"serve"},
+    {"cli_dataset", "cli_learning", "cli_serve"},
     {"cli"},
+    {"serve_child"},
 ]
 """Lowest first; a unit is a module or package right below `sashimono`."""
 
@@ -58,6 +60,7 @@ ROOMS = {
     ],
     "diff": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
     "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
+    "serve": [{"limits"}, {"upload", "options", "jobs"}, {"workers"}, {"web"}, {"server"}],
     "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},

@@ -31,6 +31,7 @@ from sashimono.cli_common import (
 )
 from sashimono.cli_dataset import dataset_app
 from sashimono.cli_learning import learning_app
+from sashimono.cli_serve import serve_app
 from sashimono.commands import (
     BAD_INPUT,
     DIFFERS,
@@ -53,6 +54,7 @@ app = make_app(name="sashimono", help="Plan how a robot assembles a product: seq
 
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(learning_app)
+app.add_typer(serve_app)
 
 _NAMED = ", ".join(GRIPPERS)
 
