@@ -22,25 +22,29 @@ PACKAGE = REPOSITORY / "src" / "sashimono"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
-    {"errors", "files"},
+    {"errors", "files", "reporting"},
     {"selection"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
     {"stability", "fasteners"},
+    {"doctor"},
     {"disassembly"},
     {"motion"},
     {"contact"},
     {"tree"},
     {"verify", "view"},
-    {"d4pas"},
+    {"d4pas", "diff"},
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
     {"tasks", "notebook"},
     {"commands"},
-    {"cli_dataset", "cli_learning"},
+    {"cli_common"},
+    {"serve"},
+    {"cli_dataset", "cli_learning", "cli_serve"},
     {"cli"},
+    {"serve_child"},
 ]
 """Lowest first; a unit is a module or package right below `sashimono`."""
 
@@ -54,6 +58,9 @@ ROOMS = {
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
     ],
+    "diff": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
+    "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
+    "serve": [{"limits"}, {"upload", "options", "jobs"}, {"workers"}, {"web"}, {"server"}],
     "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
-import typer
-
 from sashimono.errors import SashimonoError
+from sashimono.reporting import event, note, say
 
 if TYPE_CHECKING:
+    from sashimono.assembly import Assembly
     from sashimono.contact import Gripper
     from sashimono.io.constraints_file import Wishes
     from sashimono.io.raw import ReadConfig
 
-OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
-"""Exit status."""
+OK, DIFFERS, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 1, 2, 3, 130
+"""Exit status. `DIFFERS` is also the doctor's, if something stands in the way."""
 
 SPLITS = ("auto", "all", "none")
 """What ``--split`` takes."""
@@ -63,6 +63,7 @@ def plan_and_write(
     """
     from dataclasses import replace
 
+    from sashimono.assembly import size_words
     from sashimono.console import progress_display, summary_lines
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.sequence.constraints import OrderConstraints
@@ -79,8 +80,9 @@ def plan_and_write(
     waiting = None if resting is None else read_resting_poses(resting)
     wishes = wishes or Wishes()
     assembly = read_assembly(source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude))
-    for note in assembly.notes:
-        typer.echo(f"note: {note}", err=True)
+    for remark in assembly.notes:
+        note(remark)
+    say(f"{len(assembly)} parts, {size_words(assembly.bounds_world)}, from coordinates in {unit_of(assembly)}")
     sequence = SequenceConfig(constraints=OrderConstraints(base=wishes.base, before=wishes.before))
     if wishes.up is not None:
         sequence = replace(sequence, up=wishes.up)
@@ -99,10 +101,16 @@ def plan_and_write(
         found = plan_assembly(assembly, config=config, seed=seed, resting=waiting, progress=progress)
     written = write_results(found, assembly, out, copied=source if copy_input else None, wishes=wishes)
     for line in summary_lines(found, assembly):
-        typer.echo(line)
-    typer.echo(f"written: {', '.join(str(path) for path in written if path.suffix != '.html')}")
-    typer.echo(f"open in a browser: {(out / 'plan.html').resolve()}")
+        say(line)
+    say(f"written: {', '.join(str(path) for path in written if path.suffix != '.html')}")
+    say(f"open in a browser: {(out / 'plan.html').resolve()}")
+    event("plan", status=found.status, executable=found.executable, files=[str(path) for path in written])
     return OK if found.status == "complete" else NO_PLAN
+
+
+def unit_of(assembly: Assembly) -> str:
+    """Return the unit in which an assembly's file was read."""
+    return "m" if assembly.source is None else assembly.source.unit
 
 
 def read_constraints(

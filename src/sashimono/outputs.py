@@ -24,7 +24,7 @@ def refuse_bad_files(targets: Mapping[str, Path | None]) -> None:
     for option, path in targets.items():
         if path is None:
             continue
-        if path.is_dir():
+        if _is_folder(path):
             raise SashimonoError(f"{option} {path} is a folder. Name a file.")
         refuse_unwritable(path.parent, option=option)
 
@@ -60,8 +60,19 @@ def _fail_to_write(error: OSError) -> NoReturn:
 
 def refuse_unwritable(out: Path, option: str = "--out") -> None:
     """Raise SashimonoError before any work if the folder cannot be made or written."""
-    if out.exists() and not out.is_dir():
-        raise SashimonoError(f"{option} {out} is a file. Name a folder.")
-    existing = next(parent for parent in (out.absolute(), *out.absolute().parents) if parent.exists())
-    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-        raise SashimonoError(f"{option} {out}: {existing} is not a folder that can be written to. Choose another.")
+    try:
+        if out.exists() and not out.is_dir():
+            raise SashimonoError(f"{option} {out} is a file. Name a folder.")
+        existing = next(parent for parent in (out.absolute(), *out.absolute().parents) if parent.exists())
+        with tempfile.TemporaryFile(dir=existing):  # the rights alone do not tell: a disk may be full or read-only
+            pass
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise SashimonoError(f"{option} {out}: cannot be written to ({reason}). Choose another folder.") from error
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):  # a name that no file can have: `refuse_unwritable` says so
+        return False
