@@ -23,7 +23,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
     {"errors", "files"},
-    {"selection"},
+    {"selection", "raster"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
