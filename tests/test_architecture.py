@@ -45,7 +45,7 @@ LEVELS = [
 """Lowest first; a unit is a module or package right below `sashimono`."""
 
 ROOMS = {
-    "geometry": [{"se3"}, {"mesh"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
+    "geometry": [{"se3"}, {"mesh", "legs"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
     "io": [
         {"raw", "names"},
         {"mending"},
@@ -53,6 +53,7 @@ ROOMS = {
         {"plan_schema"},
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
+        {"plan_input"},
     ],
     "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence"}, {"report"}],
     "disassembly": [
