@@ -48,6 +48,10 @@ Unit = Annotated[str | None, typer.Option(metavar="UNIT", help="unit of INPUT wh
 Split = Annotated[
     str, typer.Option(help="parts of several solids: apart where solids lie apart (auto), all apart (all), or none")
 ]
+PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="a plan.json")]
+PlanInput = Annotated[
+    Path | None, typer.Option("--input", metavar="INPUT", help="the plan's input, where it has moved")
+]
 Seed = Annotated[int, typer.Option(min=0, help="seed of every random choice")]
 
 
@@ -204,10 +208,8 @@ def plan(
 
 @app.command()
 def verify(
-    path: Annotated[Path, typer.Argument(metavar="PLAN", help="a plan.json")],
-    source: Annotated[
-        Path | None, typer.Option("--input", metavar="INPUT", help="the plan's input, where it has moved")
-    ] = None,
+    path: PlanPath,
+    source: PlanInput = None,
 ) -> int:
     """Check a plan against its input, with none of the code that made it; print a line a step."""
     from sashimono.verify import verify_file
@@ -216,6 +218,42 @@ def verify(
     for line in report.lines():
         typer.echo(line)
     return OK if report.ok and report.complete else NO_PLAN
+
+
+@app.command()
+def manual(
+    path: PlanPath,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for manual.html and manual.pdf")],
+    language: Annotated[str, typer.Option(metavar="CODE", help="en, de or ja")] = "en",
+    pdf: Annotated[
+        bool | None,
+        typer.Option("--pdf/--no-pdf", help="whether to print the page with an installed Chromium; if there is one"),
+    ] = None,
+    source: PlanInput = None,
+) -> int:
+    """Write work instructions for a plan: a picture a step with its way in words, parts, tools, holds, warnings."""
+    from sashimono.exports import write_instructions
+
+    refuse_unwritable(out)
+    for file in write_instructions(path, out, language=language, pdf=pdf, source=source):
+        typer.echo(f"written: {file}" if file.suffix == ".pdf" else f"open in a browser: {file.resolve()}")
+    return OK
+
+
+@app.command()
+def export(
+    path: PlanPath,
+    bom: Annotated[Path | None, typer.Option(metavar="FILE", help="the bill of materials, as .csv or .xlsx")] = None,
+    steps: Annotated[Path | None, typer.Option(metavar="FILE", help="a line a step, as .csv or .xlsx")] = None,
+    source: PlanInput = None,
+) -> int:
+    """Write tables of a plan: its bill of materials, its steps. Lengths in millimetres."""
+    from sashimono.exports import write_tables
+
+    refuse_bad_files({"--bom": bom, "--steps": steps})
+    for file in write_tables(path, {"--bom": bom, "--steps": steps}, source=source):
+        typer.echo(f"written: {file}")
+    return OK
 
 
 @app.command()

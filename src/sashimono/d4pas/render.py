@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from sashimono.assembly import Assembly
 from sashimono.raster.colors import to_srgb
-from sashimono.raster.shading import INK, blur, edges, shade, stretch, view_rotation
+from sashimono.raster.shading import blur, paint, stretch, view_rotation
 from sashimono.raster.zbuffer import NOTHING, Layer, draw, empty_layer, smooth_normals
 
 
@@ -83,30 +83,10 @@ def render(
 
     image = np.empty((rows, columns, 3), dtype=np.float32)
     image[:] = 1.0 - np.float32(0.30) * _shadow(solids, faces, R, place, rows, columns)[..., None]
-    _paint(image, opaque, clear, colors.astype(np.float32), config.glass)
+    paint(image, opaque, clear, colors.astype(np.float32), config.glass)
     small = image.reshape(config.height, scale, config.width, scale, 3).mean(axis=(1, 3))
     pixels = np.round(255.0 * to_srgb(small)).astype(np.uint8)
     return Picture(pixels=pixels, anchors=_anchors(opaque, clear, len(assembly), scale))
-
-
-def _paint(image: np.ndarray, opaque: Layer, clear: Layer, colors: np.ndarray, glass: float) -> None:
-    """Paint the layers over an image: what is solid, its edges, then the glass before it."""
-    extent = float(min(image.shape[:2]))
-    used = np.nonzero(opaque.covered | clear.covered)
-    box = tuple(slice(int(axis.min()), int(axis.max()) + 1) for axis in used)
-    image, opaque, clear = image[box], opaque.cut(box), clear.cut(box)
-    solid = opaque.covered
-    image[solid] = shade(opaque, solid, colors, extent)
-    lines = edges(opaque)
-    image[lines] += 0.78 * (INK - image[lines])
-    front = clear.covered & (clear.depth < opaque.depth)
-    if not front.any():
-        return
-    facing = np.clip(clear.normal[front][:, 2:], 0.0, 1.0)
-    alpha = glass + 0.42 * (1.0 - facing) ** 2.5
-    image[front] += alpha * (shade(clear, front, colors, extent) - image[front])
-    lines = edges(clear) & front
-    image[lines] += 0.62 * (0.35 * colors[clear.part[lines]] - image[lines])
 
 
 Solids = Sequence[np.ndarray]

@@ -18,6 +18,26 @@ def view_rotation(azimuth: float, elevation: float) -> Float[np.ndarray, "3 3"]:
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 
 
+def paint(image: np.ndarray, opaque: Layer, clear: Layer, colors: np.ndarray, glass: float) -> None:
+    """Paint the layers over an image: what is solid, its edges, then the glass before it."""
+    extent = float(min(image.shape[:2]))
+    used = np.nonzero(opaque.covered | clear.covered)
+    box = tuple(slice(int(axis.min()), int(axis.max()) + 1) for axis in used)
+    image, opaque, clear = image[box], opaque.cut(box), clear.cut(box)
+    solid = opaque.covered
+    image[solid] = shade(opaque, solid, colors, extent)
+    lines = edges(opaque)
+    image[lines] += 0.78 * (INK - image[lines])
+    front = clear.covered & (clear.depth < opaque.depth)
+    if not front.any():
+        return
+    facing = np.clip(clear.normal[front][:, 2:], 0.0, 1.0)
+    alpha = glass + 0.42 * (1.0 - facing) ** 2.5
+    image[front] += alpha * (shade(clear, front, colors, extent) - image[front])
+    lines = edges(clear) & front
+    image[lines] += 0.62 * (0.35 * colors[clear.part[lines]] - image[lines])
+
+
 def shade(layer: Layer, where: np.ndarray, colors: np.ndarray, extent: float) -> np.ndarray:
     """Return the linear colours of these pixels: light from the sky, a soft key light from the upper left."""
     n = layer.normal[where]
