@@ -36,7 +36,7 @@ LEVELS = [
     {"d4pas"},
     {"learning"},
     {"pipeline"},
-    {"outputs", "console", "xlsx"},
+    {"outputs", "console"},
     {"tasks", "exports"},
     {"notebook"},
     {"commands"},

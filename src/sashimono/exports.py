@@ -6,6 +6,8 @@ import csv
 import io
 import logging
 from collections.abc import Mapping, Sequence
+from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 
 from sashimono.assembly import Assembly
@@ -17,7 +19,6 @@ from sashimono.outputs import replacing_together
 from sashimono.plan import AssemblyPlan, Step
 from sashimono.view.manual import LANGUAGES, bill_of_materials, find_browser, print_page, write_manual
 from sashimono.view.manual.pdf import no_browser_words
-from sashimono.xlsx import xlsx_bytes
 
 _log = logging.getLogger(__name__)
 
@@ -87,12 +88,16 @@ def write_tables(path: Path, wanted: Mapping[str, Path | None], *, source: Path 
     for option, file in files.items():
         if file.suffix.lower() not in FORMATS:
             raise SashimonoError(f"{option} {file}: not a table that can be written. End it in {' or '.join(FORMATS)}.")
+    if any(file.suffix.lower() == ".xlsx" for file in files.values()) and find_spec("xlsxwriter") is None:
+        raise SashimonoError(
+            "writing .xlsx needs XlsxWriter. Install it: pip install 'sashimono[tables]', or end in .csv."
+        )
     plan, assembly = read_plan_and_input(path, source)
     fasteners = find_fasteners(assembly)
     tables = {"--bom": bill_table, "--steps": step_table}
     for option, file in files.items():
         rows = tables[option](plan, assembly, fasteners)
-        content = xlsx_bytes(rows) if file.suffix.lower() == ".xlsx" else _csv_bytes(rows)
+        content = _xlsx_bytes(rows) if file.suffix.lower() == ".xlsx" else _csv_bytes(rows)
         with replacing_together(file.parent) as folder:
             (folder / file.name).write_bytes(content)
     return tuple(files.values())
@@ -153,6 +158,23 @@ def _csv_bytes(rows: Sequence[Sequence[Cell]]) -> bytes:
     text = io.StringIO()
     csv.writer(text).writerows([[_safe(cell) for cell in row] for row in rows])
     return text.getvalue().encode("utf-8-sig")
+
+
+def _xlsx_bytes(rows: Sequence[Sequence[Cell]]) -> bytes:
+    """Return a workbook of one sheet, its head bold and always in view."""
+    import xlsxwriter
+
+    buffer = io.BytesIO()
+    with xlsxwriter.Workbook(buffer, {"in_memory": True}) as book:
+        book.set_properties({"created": datetime(2000, 1, 1)})  # the same rows give the same bytes
+        sheet, bold = book.add_worksheet("plan"), book.add_format({"bold": True})
+        for r, row in enumerate(rows):
+            for c, cell in enumerate(row):
+                write = sheet.write_string if isinstance(cell, str) else sheet.write_number
+                write(r, c, cell, bold if r == 0 else None)
+        sheet.freeze_panes(1, 0)
+        sheet.autofit()
+    return buffer.getvalue()
 
 
 def _safe(cell: Cell) -> Cell:
