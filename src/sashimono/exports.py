@@ -170,8 +170,11 @@ def _xlsx_bytes(rows: Sequence[Sequence[Cell]]) -> bytes:
         sheet, bold = book.add_worksheet("plan"), book.add_format({"bold": True})
         for r, row in enumerate(rows):
             for c, cell in enumerate(row):
-                write = sheet.write_string if isinstance(cell, str) else sheet.write_number
-                write(r, c, cell, bold if r == 0 else None)
+                look = bold if r == 0 else None
+                if isinstance(cell, str):
+                    sheet.write_string(r, c, cell, look)
+                else:
+                    sheet.write_number(r, c, cell, look)
         sheet.freeze_panes(1, 0)
         sheet.autofit()
     return buffer.getvalue()

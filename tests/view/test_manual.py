@@ -24,7 +24,7 @@ from sashimono.view.manual.drawing import Solid, look_from
 from sashimono.view.manual.page import render_manual, write_manual
 from sashimono.view.manual.pdf import find_browser, print_page
 from sashimono.view.manual.pictures import PictureConfig
-from sashimono.view.manual.words import ENGLISH, GERMAN, LANGUAGES, leg_words, length_words, way_words
+from sashimono.view.words import ENGLISH, GERMAN, LANGUAGES, leg_words, length_words, way_words
 
 UP = np.array([0.0, 0.0, 1.0])
 SMALL = PictureConfig(width=240, height=150, supersample=1, thumbnail=32, cover_width=420, cover_height=(200, 300))
@@ -224,7 +224,7 @@ def test_the_page_stands_alone_and_says_what_to_do(tmp_path: Path) -> None:
         "Let go of block_ 1.",
         "Needs 2 hands at once.",
         "The plan has no grasp here",
-        "block_3: no way in was found.",
+        "block_ 3: no way in was found.",
     ):
         assert said in text, said
     links = [value for _, attributes in parser.tags for key, value in attributes.items() if key in ("src", "href")]

@@ -24,7 +24,7 @@ def read_plan_input(plan: AssemblyPlan, plan_path: str | Path, input_path: str |
     candidates = [stated] if input_path is not None else [Path(plan_path).parent / stated, stated]
     found = [path for path in candidates if path.exists()]
     if not found:
-        raise InputError(f"{plan_path}: its input {plan.source.path} is not there. Name it with --input.")
+        raise InputError(f"{plan_path}: its input {stated} is not there. Name it with --input.")
     options = ReadConfig(split=plan.source.split, exclude=tuple(map(glob.escape, plan.source.excluded)))
     assemblies = (read_assembly(path, unit=plan.source.unit, config=options) for path in found)
     return _matching(assemblies, plan.source.sha256)

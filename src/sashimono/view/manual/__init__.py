@@ -3,7 +3,7 @@
 from sashimono.view.manual.content import BillRow, bill_of_materials, make_manual
 from sashimono.view.manual.page import write_manual
 from sashimono.view.manual.pdf import find_browser, print_page
-from sashimono.view.manual.words import LANGUAGES
+from sashimono.view.words import LANGUAGES
 
 __all__ = [
     "LANGUAGES",

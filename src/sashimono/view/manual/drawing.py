@@ -103,6 +103,6 @@ def draw_picture(
 
 def _dashes(mask: Bool[np.ndarray, "row column"], times: int) -> Bool[np.ndarray, "row column"]:
     """Return a dashed line along the inner rim of a mask."""
-    rim = mask & ~ndimage.binary_erosion(mask, iterations=2 * times)
-    rows, columns = np.indices(mask.shape, sparse=True)
+    rim = mask & np.logical_not(ndimage.binary_erosion(mask, iterations=2 * times))
+    rows, columns = np.arange(mask.shape[0])[:, None], np.arange(mask.shape[1])[None, :]
     return rim & (((columns + 2 * rows) // (9 * times)) % 2 == 0)

@@ -18,7 +18,7 @@ from sashimono.view.explode import explosion_offsets
 from sashimono.view.manual.arrows import Mark
 from sashimono.view.manual.content import BillRow, Chapter, Manual, Task, make_manual
 from sashimono.view.manual.pictures import OVERVIEW, Illustration, Illustrator, PictureConfig
-from sashimono.view.manual.words import (
+from sashimono.view.words import (
     LANGUAGES,
     Words,
     length_words,
@@ -57,7 +57,15 @@ def write_manual(
 
     A cover with the exploded product and the bill of materials, then a picture for each task: what stands in grey,
     what comes in orange, what must be held in blue, an arrow with its way in words, the tool, and warnings.
-    Pictures are drawn on the processor. ``assembly`` holds the geometry of the plan's parts.
+    Pictures are drawn on the processor.
+
+    Args:
+        plan: What is to be done.
+        assembly: The geometry of the plan's parts.
+        path: The file to write.
+        language: A code: "en", "de" or "ja".
+        pictures: How pictures are made.
+        progress: Called with how many pictures are done, and of how many.
 
     Raises KeyError for a language that is not there, and OSError if ``path`` cannot be written; an earlier file is
     then still whole.
@@ -135,7 +143,9 @@ class _Page:
         # on A4 the picture leaves room for a short bill; a long one goes on on the next page
         height = max(100.0, 214.0 - 9.0 * len(manual.bill)) if len(manual.bill) <= 12 else 165.0
         notes = ""
-        if manual.executable is False and manual.tasks:
+        if manual.unsolved:
+            notes = f'<p class="warning">{_escape(words.partial.format(count=len(manual.unsolved)))}</p>'
+        elif manual.executable is False:
             notes = f'<p class="warning">{_escape(words.not_executable.format(hands=manual.hands))}</p>'
         tool_text = f"<p><b>{_escape(words.tools)}:</b> {_escape(words.comma.join(tools))}</p>" if tools else ""
         return (
@@ -279,10 +289,14 @@ class _Page:
         manual, words = self._manual, self._words
         if not manual.unsolved:
             return ""
+        alike: dict[str, list[str]] = {}
+        for entry in manual.unsolved:
+            alike.setdefault(entry.reason, []).append(entry.part)
         rows = "".join(
-            f"<li>{self._thumbnail([entry.part])}{_escape(words.unsolved_part.format(part=entry.part))} "
-            f"<small>{_escape(entry.reason)}</small></li>\n"
-            for entry in manual.unsolved
+            f"<li>{''.join(self._thumbnail([name]) for name in names)}"
+            f"<p>{_breakable(words.unsolved_part.format(part=words.comma.join(names)))}</p>"
+            f"<small>{_escape(reason)}</small></li>\n"
+            for reason, names in alike.items()
         )
         return f'<section class="unsolved">\n<h2>{_escape(words.unsolved)}</h2>\n<ul>{rows}</ul></section>\n'
 
@@ -294,7 +308,8 @@ def _figure(picture: Illustration, labels: Sequence[str], name: str) -> str:
     taken: list[tuple[float, float, float, float]] = []
     if picture.overview is not None:
         shapes.append(_overview(picture))
-        taken.append((*(float(x) for x in picture.overview_corner), *(float(x) for x in OVERVIEW)))
+        left, top = picture.overview_corner
+        taken.append((float(left), float(top), float(OVERVIEW[0]), float(OVERVIEW[1])))
     for mark in picture.marks:
         shapes.append(_SHAPES[mark.kind](mark))
         if mark.kind == "arrow" and words_left:

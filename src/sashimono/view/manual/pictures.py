@@ -118,7 +118,8 @@ class Illustrator:
             ratio = whole.scale / view.scale
             half = np.array([view.width, view.height]) * 0.5 * ratio
             middle = (view.middle - whole.middle) * whole.scale * [1.0, -1.0] + 0.5 * np.array(OVERVIEW)
-            frame = (*(middle - half), *(2.0 * half))
+            left, top, wide, high = (float(x) for x in (*(middle - half), *(2.0 * half)))
+            frame = (left, top, wide, high)
         ends = target if any(way is not None for way in ways) else ()
         pixels = draw_picture(solids, view, outlined=ends, times=config.supersample)
         busy = _busy(pixels)
@@ -128,7 +129,7 @@ class Illustrator:
             height=config.height,
             marks=marks,
             overview=overview,
-            overview_frame=tuple(float(x) for x in frame),
+            overview_frame=frame,
             overview_corner=_free_corner(busy, OVERVIEW, config),
             busy=busy,
         )
@@ -325,7 +326,7 @@ def _radius(
 def _sampled(points: Float[np.ndarray, "n 3"], count: int = 12) -> Float[np.ndarray, "m 3"]:
     """Points evenly along a line through points."""
     share = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    at = np.linspace(0.0, share[-1], count)
+    at = np.linspace(0.0, float(share.max()), count)
     return np.stack([np.interp(at, share, points[:, axis]) for axis in range(3)], axis=1)
 
 

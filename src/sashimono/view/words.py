@@ -1,4 +1,4 @@
-"""The instructions' words in each language. A language is one more entry of `LANGUAGES`."""
+"""The words of the instructions and of ways in, in each language. A language is one more entry of `LANGUAGES`."""
 
 from __future__ import annotations
 
@@ -65,6 +65,7 @@ class Words:
     declared: str
     unsolved: str
     unsolved_part: str
+    partial: str
     not_executable: str
     together: str
     steps_of_plan: str
@@ -119,6 +120,7 @@ ENGLISH = Words(
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
     unsolved="Parts without instructions",
     unsolved_part="{part}: no way in was found.",
+    partial="{count} parts have no instructions: see the last page.",
     not_executable="Some steps need more than {hands} hands, or a grasp that the plan has not: see the warnings.",
     together="Subassembly {letter}",
     steps_of_plan="steps of the plan",
@@ -175,6 +177,7 @@ GERMAN = Words(
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
     unsolved="Teile ohne Anleitung",
     unsolved_part="{part}: kein Weg hinein gefunden.",
+    partial="{count} Teile haben keine Anleitung: siehe letzte Seite.",
     not_executable="Manche Schritte brauchen mehr als {hands} Hände oder einen Griff, den der Plan nicht hat: "
     "siehe Warnungen.",
     together="Baugruppe {letter}",
@@ -234,6 +237,7 @@ JAPANESE = Words(
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
     unsolved="手順のない部品",
     unsolved_part="{part}：組み込む経路が見つかりませんでした。",
+    partial="{count}個の部品には手順がありません。最後のページを見てください。",
     not_executable="{hands}本を超える手、または計画にない把持が必要な手順があります。警告を見てください。",
     together="サブアセンブリ{letter}",
     steps_of_plan="計画の手順",
