@@ -1,11 +1,12 @@
 """Level 2 on real assemblies: seconds for all motions, and the same steps by RRT-Connect alone, ours and OMPL's.
 
-    python benchmarks/motion.py --most-parts 8 --json benchmarks/results/motion.json
-    python benchmarks/motion.py --rrt --most-parts 8      (a minute an assembly; `pip install ompl` for its row)
+    python benchmarks/motion.py --json benchmarks/results/motion.json
+    python benchmarks/motion.py --rrt 8 --json benchmarks/results/motion.json     (`pip install ompl` for its row)
 
 Each assembly is planned as `sashimono plan` does it. Counted are all steps that have a removal from level 1. With
-``--rrt`` the same steps, from the same lifted resting poses, are given to RRT-Connect with the collision rule that
-`--motion rrt` has (no deeper than assembled, plus 2 %), for ``--seconds`` each, by the clock: ours, and OMPL's.
+``--rrt N`` the same steps of assemblies of at most N parts, from the same lifted resting poses, are given to
+RRT-Connect with the collision rule that `--motion rrt` has (no deeper than assembled, plus 2 %), for ``--seconds``
+each, by the clock: ours, and OMPL's.
 """
 
 from __future__ import annotations
@@ -40,14 +41,17 @@ class OutOfTime(Exception):
 
 def main() -> None:
     options = parser(__doc__, "motion.json")
-    options.add_argument("--rrt", action="store_true", help="also give the steps to RRT-Connect, ours and OMPL's")
+    options.add_argument(
+        "--rrt",
+        type=int,
+        default=0,
+        metavar="N",
+        help="assemblies of at most N parts: also RRT-Connect, ours and OMPL's",
+    )
     options.add_argument("--seconds", type=float, default=5.0, help="time of each such search")
-    options.add_argument("--most-parts", type=int, default=1000, help="leave out assemblies with more parts")
     arguments = options.parse_args()
     assemblies, steps = [], []
     for folder in chosen(SHARED / "assemblies", arguments.names):
-        if len(list(folder.glob("*.obj"))) > arguments.most_parts:
-            continue
         row, own = measure(folder, arguments)
         assemblies.append(row)
         steps += own
@@ -84,7 +88,7 @@ def measure(folder: Path, arguments: Any) -> tuple[dict[str, Any], list[dict[str
         "seconds": round(sum(seconds for seconds, *_ in calls), 3),
         "failed": [f"{entry.part}: {entry.reason}" for found, _ in asked for entry in found.unsolved],
     }
-    return row, step_rows(folder.name, calls[-1], arguments.seconds) if arguments.rrt else []
+    return row, step_rows(folder.name, calls[-1], arguments.seconds) if calls and len(assembly) <= arguments.rrt else []
 
 
 def step_rows(name: str, call: tuple, seconds: float) -> list[dict[str, Any]]:

@@ -145,7 +145,7 @@ def refuted(assembly: Assembly, found: DisassemblyResult) -> list[str]:
         for part in assembly.parts
     }
     poses = {part.name: part.T_world_part for part in assembly.parts}
-    overlaps = AssembledOverlaps(bodies, poses)
+    overlaps = AssembledOverlaps(bodies, poses, config)
     remaining = list(assembly.names)
     problems = []
     for departure in found.removals:
@@ -160,7 +160,7 @@ def refuted(assembly: Assembly, found: DisassemblyResult) -> list[str]:
                 bodies[other],
                 path,
                 poses[other],
-                allowance=lambda name=name, other=other: overlaps.depth(name, other),
+                overlaps=overlaps,
                 tolerance=pair_tolerance(bodies[name], bodies[other], config),
                 config=config,
             )

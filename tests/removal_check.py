@@ -15,7 +15,7 @@ def problems(parts: Assembly, part: Part, others: list[Part], removal: Removal) 
     """Return what the check has against a removal."""
     config = VerifyConfig(samples=1000)
     bodies = {p.name: SampledBody(p.name, p.vertices_part, p.faces, samples=config.samples) for p in parts.parts}
-    overlaps = AssembledOverlaps(bodies, {p.name: p.T_world_part for p in parts.parts})
+    overlaps = AssembledOverlaps(bodies, {p.name: p.T_world_part for p in parts.parts}, config)
     path = Screws.between(removal.displacements[::-1] @ part.T_world_part)
     found = [
         check_pair(
@@ -23,7 +23,7 @@ def problems(parts: Assembly, part: Part, others: list[Part], removal: Removal) 
             bodies[other.name],
             path,
             other.T_world_part,
-            allowance=lambda other=other: overlaps.depth(part.name, other.name),
+            overlaps=overlaps,
             tolerance=pair_tolerance(bodies[part.name], bodies[other.name], config),
             config=config,
         ).problem

@@ -104,6 +104,19 @@ def test_labels_hold_against_the_verifier_and_wrong_ones_do_not(made: Path) -> N
     assert any("off the surface" in problem for problem in check_blueprint(blueprint, steps))
 
 
+def test_contacts_that_meet_a_part_or_that_the_conditions_do_not_know_are_found(made: Path) -> None:
+    blueprint = max(load(made), key=len)
+    steps = [dict(step) for step in load(made).steps[blueprint.id]]
+    fat = [step | {"radius": step["radius"] and 20.0 * step["radius"]} for step in steps]
+    assert any("fingertip" in problem for problem in check_blueprint(blueprint, fat))
+    nowhere = replace(blueprint, executable=((),) * len(blueprint))
+    assert any("is grasped where" in problem for problem in check_blueprint(nowhere, steps))
+    everywhere = replace(blueprint, executable=((0, 1),) + ((0,),) * (len(blueprint) - 1))
+    found = check_blueprint(everywhere, steps)
+    assert any("not minimal" in problem for problem in found)
+    assert any("held where it cannot leave" in problem for problem in found)
+
+
 @pytest.mark.parametrize(
     ("edit", "said"),
     [

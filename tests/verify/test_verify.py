@@ -447,7 +447,27 @@ def test_an_overlap_when_assembled_is_no_pass_through_another_wall() -> None:
         return verify_plan(plan(assembly, *steps, table=None), assembly)
 
     assert report(at(0, 0, 50)).ok
-    refuted(report(at(80, 0, 20), at(0, 0, 20)), "peg", "once parted")
+    refuted(report(at(80, 0, 20), at(0, 0, 20)), "peg", "mm deep into base")
+
+
+def test_an_overlap_when_assembled_is_no_pass_through_all_of_the_solid_that_it_is_in() -> None:
+    """A peg sunk 3 mm into solid ground does not plough through the ground, although it never goes deeper."""
+    base, peg = box((80.0, 40.0, 10.0), (0.0, 0.0, 0.0)), box((6.0, 6.0, 20.0), (0.0, 0.0, 12.0))
+    assembly = Assembly(parts=(part("base", base), part("peg", peg)), source=SOURCE)
+    for way in (at(80, 0, 0), at(0, 60, 0)):
+        steps = step("base", (), [np.eye(4)]), step("peg", ("base",), [way, np.eye(4)])
+        refuted(verify_plan(plan(assembly, *steps, table=None), assembly), "too far from where they overlap")
+
+
+def test_a_bush_with_interference_is_pressed_through_all_of_its_bore() -> None:
+    """A bush 0.2 mm too large goes into a bore of 60 mm, at whose end it sits."""
+    bore = trimesh.creation.annulus(r_min=10.0, r_max=25.0, height=60.0, sections=64)
+    bush = trimesh.creation.cylinder(radius=10.2, height=12.0, sections=64)
+    bush.apply_translation([0.0, 0.0, -24.0])
+    assembly = Assembly(parts=(part("bore", bore), part("bush", bush)), source=SOURCE)
+    steps = step("bore", (), [np.eye(4)]), step("bush", ("bore",), [at(0, 0, 84), np.eye(4)])
+    report = verify_plan(plan(assembly, *steps, table=None), assembly)
+    assert report.ok, report.lines()
 
 
 def test_a_compound_weighs_and_measures_as_its_members_together() -> None:

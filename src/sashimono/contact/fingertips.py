@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numba import njit
 
 from sashimono.contact.config import ContactConfig
@@ -137,6 +137,27 @@ class Passage:
                 clear,
             )
         return clear
+
+    def hits(
+        self, centers: Float[np.ndarray, "ball 3"], ways: Float[np.ndarray, "ball 3"], radius: float
+    ) -> Bool[np.ndarray, "ball obstacle"]:
+        """Return which obstacles each ball meets on the whole path or on the way off the part at either end of it.
+
+        The table does not count.
+        """
+        limit = radius * (1.0 - self._config.tip_slack)
+        poses, length = self.path.T_world_part, self.path.length
+        out = np.zeros((len(centers), len(self._around)), dtype=np.bool_)
+        for k, (body, T_body_world) in enumerate(self._around):
+            arrays = body.signed_distance.arrays
+            reached = np.full(len(centers), self.last, dtype=np.int64)
+            _advance(centers, limit, poses, length, T_body_world, *arrays, reached)
+            clear = reached == self.last
+            for index in (0, self.last):
+                T = T_body_world @ poses[index]
+                _way_off(se3.apply(T, centers), se3.apply(T, centers + ways), limit, *arrays, clear)
+            out[:, k] = ~clear
+        return out
 
 
 def clear_of_itself(

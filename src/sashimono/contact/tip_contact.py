@@ -143,6 +143,20 @@ def choose_tip_contact(
     return TipChoice(None, None, search.reason())
 
 
+def choose_push(
+    motion: Motion,
+    fixed: Sequence[Obstacle],
+    table: Table | None,
+    *,
+    body: Body,
+    grasps: TipGrasps,
+    config: ContactConfig,
+) -> Contact | None:
+    """Return the push of least force along the end of one step's way, with tips as large as possible, or None."""
+    search = _Search(motion, fixed, (), table, body=body, grasps=grasps, config=config)
+    return next((found[0] for scale in config.tip_scales if (found := search.push(scale))), None)
+
+
 class _Search:
     """One step's search; what is clear is worked out once for each size of tips."""
 

@@ -11,10 +11,12 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from sashimono.assembly import Assembly
+from sashimono.contact import ContactConfig
 from sashimono.d4pas.dataset import Blueprint, Dataset
 from sashimono.d4pas.recipe import content_hash
 from sashimono.d4pas.states import is_right_order
 from sashimono.geometry import se3
+from sashimono.plan import Contact
 from sashimono.verify.motions import MotionCheck
 
 
@@ -58,7 +60,8 @@ def check_blueprint(blueprint: Blueprint, steps: Sequence[dict[str, Any]]) -> li
 
     The geometry is the one that was labelled; every listed order follows the conditions; the steps are those of the
     first orders; each step's motion leads from outside to the assembled pose and goes no deeper into placed parts than
-    the verifier allows; contacts lie on the surface, along its normal. That no clause is missing is not checked here:
+    the verifier allows; contacts lie on the surface, along its normal, and their fingertips meet nothing; parts may be
+    held only where they may leave. That no clause is missing is not checked here:
     `benchmarks/d4pas_oracle.py` looks for missing ones.
     """
     assembly = blueprint.assembly()
@@ -69,6 +72,7 @@ def check_blueprint(blueprint: Blueprint, steps: Sequence[dict[str, Any]]) -> li
         out.append("the geometry that its recipe makes here differs from the one that was labelled")
     out += _order_problems(blueprint)
     out += _step_problems(blueprint, steps)
+    out += _executable_problems(blueprint)
     check, placed, order_index = MotionCheck(assembly), [], 0
     for step in steps:
         if step["order_index"] != order_index:
@@ -81,6 +85,7 @@ def check_blueprint(blueprint: Blueprint, steps: Sequence[dict[str, Any]]) -> li
             if not _begins_outside(assembly, step["part"], placed, poses):
                 out.append(f"{name} does not begin outside")
             out += [f"{name}: {problem}" for problem in check.problems(step["part"], placed, poses)]
+            out += [f"{name}: {problem}" for problem in _tip_problems(blueprint, step, placed, poses, check)]
         out += [f"{name}: {problem}" for problem in _contact_problems(assembly, step)]
         placed.append(step["part"])
     return out
@@ -109,6 +114,43 @@ def _step_problems(blueprint: Blueprint, steps: Sequence[dict[str, Any]]) -> lis
         said.setdefault(step["order_index"], []).append(step["part"])
     wanted = {k: list(blueprint.sequences[k]) for k in range(min(max(1, len(said)), len(blueprint.sequences)))}
     return [] if said == wanted else ["the steps are not those of the first listed orders"]
+
+
+def _executable_problems(blueprint: Blueprint) -> list[str]:
+    """Conditions of a contact that are not minimal, or that hold where the part cannot leave at all."""
+    out = []
+    for name, held, leaves in zip(blueprint.parts, blueprint.executable or (), blueprint.masks, strict=False):
+        if any(a != b and not a & ~b for a in held for b in held):
+            out.append(f"{name}: conditions of a contact are not minimal")
+        if any(all(clause & ~mask for clause in leaves) for mask in held):
+            out.append(f"{name}: may be held where it cannot leave")
+    return out
+
+
+def _tip_problems(
+    blueprint: Blueprint,
+    step: dict[str, Any],
+    placed: Sequence[int],
+    poses: Float[np.ndarray, "pose 4 4"],
+    check: MotionCheck,
+) -> list[str]:
+    """Fingertips that meet something on the way; grasps that the conditions do not know."""
+    if step["contact"] is None or step.get("radius") is None:
+        return []
+    there = sum(1 << k for k in placed)
+    held = blueprint.executable
+    if held is not None and step["contact"] == "grasp" and all(mask & there for mask in held[step["part"]]):
+        return ["is grasped where the conditions know of no contact"]
+    tips = {"radius": step["radius"], "approach": ContactConfig().tip_approach * step["radius"]}
+    contact = Contact(
+        kind=step["contact"],
+        points_part=np.array(step["points"]),
+        normals_part=np.array(step["normals"]),
+        friction=ContactConfig().friction,
+        quality=0.0,
+        details={"fingertips": tips, "from_pose": step["begins"], "to_pose": len(poses) - 1.0},
+    )
+    return check.tip_problems(step["part"], placed, poses, contact)
 
 
 def _begins_outside(assembly: Assembly, part: int, placed: Sequence[int], poses: Float[np.ndarray, "pose 4 4"]) -> bool:

@@ -1,43 +1,24 @@
-"""A contact for each step: two fingertips that grasp the part, or one that pushes it, clear of what is fixed.
-
-Fingertips are spheres at the contact points, as in the paper's figures. A fingertip must be clear of the fixed parts
-along the insertion, and have room to come straight off the surface at its end.
-"""
+"""Contacts of one blueprint by level 3: a grasp or push for each step, and which parts must be gone for one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.assembly import Assembly, Part
+from sashimono.assembly import Assembly
 from sashimono.contact import ContactConfig
-from sashimono.contact.candidates import GraspCandidates, congruence, find_candidates
-from sashimono.contact.gripper import proportionate_gripper
-from sashimono.geometry import se3
+from sashimono.contact.candidates import congruence
+from sashimono.contact.contact_blockers import ContactBlockers
+from sashimono.contact.tip_contact import TipGrasps, choose_push, find_tip_grasps
+from sashimono.disassembly.conditions.clauses import Clause
+from sashimono.disassembly.masks import bits
 from sashimono.geometry.body import Body
-
-
-@dataclass(frozen=True, kw_only=True)
-class FingertipConfig:
-    """How contacts are chosen."""
-
-    contact: ContactConfig = field(default_factory=lambda: ContactConfig(samples=96))
-    """Level 3's options: friction, samples of the surface."""
-    radius: float = 0.2
-    """Radius of a fingertip over the part's middle extent."""
-    most_radius: float = 0.004
-    """Largest radius of a fingertip [m]."""
-    approach: float = 2.0
-    """Way straight off the surface that must be clear, in radii."""
-    poses: int = 6
-    """Poses looked at on each leg of the insertion, close to its end closest together."""
-    max_candidates: int = 40
-    """Contacts looked at, the best first."""
+from sashimono.motion.scene import Obstacle
+from sashimono.plan import Motion, Segment
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,119 +30,89 @@ class StepContact:
     """Contact points [m]."""
     normals: Float[np.ndarray, "contact 3"]
     """Unit inward normals of the surface there."""
+    radius: float
+    """Of the fingertips [m]."""
+    begins: float
+    """Pose of the way, with a fraction, from which on the contact acts; a grasp acts all along."""
 
 
 class ContactFinder:
-    """Finds contacts for the steps of one assembly; identical parts share their candidates."""
+    """Finds contacts for the removals of one assembly; identical parts share their grasps."""
 
     def __init__(
-        self, assembly: Assembly, bodies: Sequence[Body], *, config: FingertipConfig, rng: np.random.Generator
+        self, assembly: Assembly, bodies: Mapping[str, Body], *, config: ContactConfig, rng: np.random.Generator
     ) -> None:
-        self._assembly, self._bodies, self._config = assembly, bodies, config
+        self._assembly, self._config = assembly, config
+        self._bodies = [bodies[name] for name in assembly.names]
         self._streams = rng.spawn(len(assembly))
-        self._candidates: dict[int, GraspCandidates] = {}
+        self._grasps: dict[int, TipGrasps] = {}
+        self._found: dict[tuple[int, int], ContactBlockers] = {}
 
-    def find(self, part: int, fixed: Sequence[int], poses: Float[np.ndarray, "waypoint 4 4"]) -> StepContact | None:
-        """Return a contact with which a part can be inserted among fixed ones, or None.
+    def executable(self, part: int, clauses: Sequence[Clause]) -> list[int]:
+        """Return the minimal masks of parts that must be gone so that some contact moves the part.
 
         Args:
-            part: The part that moves.
-            fixed: The parts that are placed.
-            poses: ``T_world_part`` along the insertion, the assembled pose last.
+            part: The part.
+            clauses: Its removal conditions, with their motions.
         """
-        tips = _Tips(self._bodies[part], poses, [self._seen(k) for k in fixed], self._config)
-        candidates = self._of(part)
-        for k, _ in candidates.ranked()[: self._config.max_candidates]:
-            points, normals = candidates.pairs.points[k], candidates.pairs.normals[k]
-            if tips.are_clear(points, normals) and candidates.quality(k) > 0.0:
-                return StepContact(kind="grasp", points=points, normals=normals)
-        return self._push(part, poses, tips)
+        masks = {clause.blockers | met for clause in clauses for met in self._blockers(part, clause).minimal()}
+        kept: list[int] = []
+        for mask in sorted(masks, key=lambda mask: (mask.bit_count(), mask)):
+            if all(other & ~mask for other in kept):
+                kept.append(mask)
+        return kept
 
-    def _push(self, part: int, poses: Float[np.ndarray, "waypoint 4 4"], tips: _Tips) -> StepContact | None:
-        """A point whose friction cone holds the direction of travel, on a line near the centre of mass."""
-        body = self._bodies[part]
-        travel = poses[-1][:3, :3].T @ (poses[-1][:3, 3] - poses[-2][:3, 3])
-        length = float(np.linalg.norm(travel))
-        if length == 0.0:
+    def find(self, part: int, placed: int, clause: Clause) -> StepContact | None:
+        """Return the contact with which a part goes in among the placed ones (a mask) by a clause's motion, or None."""
+        chosen = self._blockers(part, clause).best(placed)
+        if chosen is not None:
+            radius = self._of(part).tips(chosen.scale).radius
+            return StepContact(
+                kind=chosen.kind, points=chosen.points, normals=chosen.normals, radius=radius, begins=0.0
+            )
+        motion, fixed = self._motion(part, clause), [self._obstacle(k) for k in bits(placed)]
+        options = {"body": self._bodies[part], "grasps": self._of(part), "config": self._config}
+        push = choose_push(motion, fixed, None, **options)
+        if push is None:
             return None
-        travel /= length
-        inward = -body.sample_normals
-        held = np.flatnonzero(inward @ travel >= 1.0 / np.hypot(1.0, self._config.contact.tangential_friction))
-        arm = np.linalg.norm(np.cross(body.samples[held] - body.mass_center, travel), axis=1)
-        for k in held[np.argsort(np.round(arm, 9), kind="stable")][: self._config.max_candidates]:
-            if tips.are_clear(body.samples[k : k + 1], inward[k : k + 1]):
-                return StepContact(kind="push", points=body.samples[k : k + 1], normals=inward[k : k + 1])
-        return None
-
-    def _seen(self, k: int) -> tuple[Body, Float[np.ndarray, "4 4"]]:
-        return self._bodies[k], self._assembly.parts[k].T_world_part
-
-    def _of(self, part: int) -> GraspCandidates:
-        if part not in self._candidates:
-            self._candidates[part] = self._from_twin(part) or self._found(part)
-        return self._candidates[part]
-
-    def _found(self, part: int) -> GraspCandidates:
-        body = self._bodies[part]
-        return find_candidates(
-            self._assembly.parts[part],
-            body,
-            gripper=proportionate_gripper(body, room=4.0 * float(body.extents[2] / body.extents[1])),
-            config=self._config.contact,
-            rng=self._streams[part],
+        return StepContact(
+            kind="push",
+            points=push.points_part,
+            normals=push.normals_part,
+            radius=push.details["fingertips"]["radius"],
+            begins=push.details["from_pose"],
         )
 
-    def _from_twin(self, part: int) -> GraspCandidates | None:
+    def _blockers(self, part: int, clause: Clause) -> ContactBlockers:
+        key = (part, clause.blockers)
+        if key not in self._found:
+            gone = clause.blockers | 1 << part
+            others = {k: self._obstacle(k) for k in range(len(self._bodies)) if not gone >> k & 1}
+            self._found[key] = ContactBlockers(
+                self._motion(part, clause), others, body=self._bodies[part], grasps=self._of(part), config=self._config
+            )
+        return self._found[key]
+
+    def _motion(self, part: int, clause: Clause) -> Motion:
+        poses = clause.removal.displacements[::-1] @ self._assembly.parts[part].T_world_part
+        return Motion(T_world_part=poses, segments=(Segment(kind="insertion", start=0, stop=len(poses) - 1),))
+
+    def _obstacle(self, k: int) -> Obstacle:
+        return Obstacle(body=self._bodies[k], T_world_part=self._assembly.parts[k].T_world_part)
+
+    def _of(self, part: int) -> TipGrasps:
+        if part not in self._grasps:
+            self._grasps[part] = self._from_twin(part) or find_tip_grasps(
+                self._assembly.parts[part], self._bodies[part], config=self._config, rng=self._streams[part]
+            )
+        return self._grasps[part]
+
+    def _from_twin(self, part: int) -> TipGrasps | None:
         moving = self._assembly.parts[part]
-        for other, candidates in self._candidates.items():
-            if _are_twins(self._assembly, moving, self._assembly.parts[other]):
-                T = congruence(self._assembly.parts[other], moving)
+        for other, grasps in self._grasps.items():
+            twin = self._assembly.parts[other]
+            if any(moving.name in names and twin.name in names for names in self._assembly.identical):
+                T = congruence(twin, moving)
                 if T is not None:
-                    return candidates.moved(T)
+                    return grasps.moved(T, self._bodies[part])
         return None
-
-
-class _Tips:
-    """Whether fingertips on one part are clear of its surroundings along one insertion."""
-
-    def __init__(
-        self,
-        body: Body,
-        poses: Float[np.ndarray, "waypoint 4 4"],
-        fixed: Sequence[tuple[Body, Float[np.ndarray, "4 4"]]],
-        config: FingertipConfig,
-    ) -> None:
-        self._body, self._config = body, config
-        self._radius = min(config.radius * float(body.extents[1]), config.most_radius)
-        self._poses = _along(poses, config.poses)
-        self._fixed = [(other, se3.inverse(T)) for other, T in fixed]
-
-    def are_clear(self, points: Float[np.ndarray, "contact 3"], normals: Float[np.ndarray, "contact 3"]) -> bool:
-        """Return whether the tips at these contacts touch nothing but the part, there and on the way off."""
-        radius = self._radius
-        held = points - 1.02 * radius * normals
-        off = points - (1.0 + self._config.approach) * radius * normals
-        own = np.concatenate([held, off])
-        if float(self._body.signed_distance.query(own).min()) < 0.98 * radius:
-            return False
-        last = self._poses[-1]
-        world = np.concatenate([*(se3.apply(T, held) for T in self._poses), se3.apply(last, off)])
-        for other, T_other_world in self._fixed:
-            seen = se3.apply(T_other_world, world)
-            near = ((seen > other.bounds[0] - radius) & (seen < other.bounds[1] + radius)).all(axis=1)
-            if near.any() and float(other.signed_distance.query(seen[near]).min()) < radius:
-                return False
-        return True
-
-
-def _along(poses: Float[np.ndarray, "waypoint 4 4"], count: int) -> list[np.ndarray]:
-    """Poses on each leg, closer together towards its end, the last one last."""
-    fractions = 1.0 - (1.0 - np.arange(count) / count) ** 2
-    out = []
-    for start, stop in pairwise(poses):
-        out += [se3.interpolate(start, stop, float(u)) for u in fractions]
-    return [*out, poses[-1]]
-
-
-def _are_twins(assembly: Assembly, a: Part, b: Part) -> bool:
-    return any(a.name in names and b.name in names for names in assembly.identical)

@@ -37,6 +37,9 @@ class Blueprint:
     masks: Masks
     """By part, the blockers of each clause: the part may leave when all of one clause are gone. A part that never
     leaves before all others has the one clause of all others."""
+    executable: Masks | None
+    """The same with a contact along the motion that was found: a grasp by two fingertips, or a push through the centre
+    of mass. A part without any has no clause. None in datasets from before version 1.1."""
     complete: bool
     """Whether the conditions are proven to be all, for motions of ``motion_class``."""
     motion_class: str
@@ -168,8 +171,9 @@ def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...], s
     count = row["n_parts"]
     masks = []
     for part, clauses in enumerate(row["clauses"]):
-        own = tuple(sum(1 << blocker for blocker in clause) for clause in clauses)
+        own = tuple(map(_mask, clauses))
         masks.append(own or (((1 << count) - 1) & ~(1 << part),))
+    grasped = row.get("executable")
     params = json.loads(row["params"])
     return Blueprint(
         id=row["id"],
@@ -180,6 +184,7 @@ def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...], s
         split=row["split"],
         parts=tuple(row["parts"]),
         masks=tuple(masks),
+        executable=None if grasped is None else tuple(tuple(map(_mask, clauses)) for clauses in grasped),
         complete=row["complete"],
         motion_class=row["motion_class"],
         orders=int(row["orders"]) if row["orders"] else None,
@@ -188,3 +193,7 @@ def _blueprint(row: Mapping[str, Any], sequences: tuple[tuple[int, ...], ...], s
         sequences=sequences,
         source=sources / params["path"] if "path" in params else None,
     )
+
+
+def _mask(parts: Sequence[int]) -> int:
+    return sum(1 << part for part in parts)

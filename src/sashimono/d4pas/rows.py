@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
-from sashimono.d4pas.contacts import ContactFinder, FingertipConfig
+from sashimono.contact import ContactConfig
+from sashimono.d4pas.contacts import ContactFinder
 from sashimono.d4pas.descriptor import describe
 from sashimono.d4pas.labels import TRANSLATIONS, Label, LabelConfig, label_assembly
 from sashimono.d4pas.recipe import Recipe, assembly_of, build_product, content_hash, find_faults
@@ -27,7 +28,8 @@ class RowConfig:
     """How a blueprint becomes rows."""
 
     labels: LabelConfig = field(default_factory=LabelConfig)
-    contacts: FingertipConfig = field(default_factory=FingertipConfig)
+    contacts: ContactConfig = field(default_factory=ContactConfig)
+    """Level 3's options."""
     max_steps: int = 1
     """Sequences of each blueprint that get motions and contacts."""
 
@@ -63,7 +65,12 @@ def rows_of(assembly: Assembly, recipe: Recipe, *, config: RowConfig, clock: lis
     if not label.is_solved:
         names = ", ".join(assembly.names[k] for k in label.stuck)
         return Outcome(rows=None, reason=f"not solved one part at a time: {names}", seconds=_seconds(clock))
-    steps = _steps(assembly, label, recipe, config)
+    rng_bodies, rng_contacts = np.random.default_rng([recipe.seed, 3]).spawn(2)
+    bodies = make_bodies(assembly, rng=rng_bodies)
+    finder = ContactFinder(assembly, bodies, config=config.contacts, rng=rng_contacts)
+    executable = [finder.executable(part, clauses) for part, clauses in enumerate(label.conditions.clauses)]
+    clock.append(time.process_time())
+    steps = _steps(assembly, label, finder, config)
     clock.append(time.process_time())
     conditions = label.conditions
     index = {name: k for k, name in enumerate(assembly.names)}
@@ -76,6 +83,7 @@ def rows_of(assembly: Assembly, recipe: Recipe, *, config: RowConfig, clock: lis
         "n_parts": len(assembly),
         "parts": list(assembly.names),
         "clauses": [[bits(clause.blockers) for clause in clauses] for clauses in conditions.clauses],
+        "executable": [[bits(mask) for mask in masks] for masks in executable],
         "stages": [[clause.stage for clause in clauses] for clauses in conditions.clauses],
         "complete": label.is_complete,
         "cut_short": list(conditions.cut_short),
@@ -103,33 +111,30 @@ def digest(texts: list[str]) -> str:
 
 
 def _seconds(clock: list[float]) -> dict[str, float]:
-    names = ("build", "label", "steps")
+    names = ("build", "label", "executable", "steps")
     return {name: b - a for name, a, b in zip(names, clock[:-1], clock[1:], strict=False)}
 
 
-def _steps(assembly: Assembly, label: Label, recipe: Recipe, config: RowConfig) -> list[dict[str, Any]]:
-    rng_bodies, rng_contacts = np.random.default_rng([recipe.seed, 3]).spawn(2)
-    named = make_bodies(assembly, rng=rng_bodies)
-    bodies = [named[name] for name in assembly.names]
-    finder = ContactFinder(assembly, bodies, config=config.contacts, rng=rng_contacts)
+def _steps(assembly: Assembly, label: Label, finder: ContactFinder, config: RowConfig) -> list[dict[str, Any]]:
     out = []
     for order_index, order in enumerate(label.sequences[: config.max_steps]):
-        placed: list[int] = []
+        placed = 0
         for part in order:
             pose = assembly.parts[part].T_world_part
             row: dict[str, Any] = {"order_index": order_index, "part": part, "waypoints": [_seven(pose)]}
-            row |= {"contact": None, "points": [], "normals": []}
+            row |= {"contact": None, "points": [], "normals": [], "radius": None, "begins": None}
             if placed:
-                clause = label.conditions.clause(part, sum(1 << k for k in placed) | 1 << part)
+                clause = label.conditions.clause(part, placed | 1 << part)
                 assert clause is not None, "a sequence follows the conditions"
                 poses = clause.removal.displacements[::-1] @ pose
                 row["waypoints"] = [_seven(T) for T in poses]
-                contact = finder.find(part, placed, poses)
+                contact = finder.find(part, placed, clause)
                 if contact is not None:
                     row |= {"contact": contact.kind, "points": _rounded(contact.points)}
-                    row["normals"] = _rounded(contact.normals)
+                    row |= {"normals": _rounded(contact.normals), "radius": round(contact.radius, 8)}
+                    row["begins"] = round(contact.begins, 6)
             out.append(row)
-            placed.append(part)
+            placed |= 1 << part
     return out
 
 

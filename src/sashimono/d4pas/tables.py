@@ -42,6 +42,7 @@ def schemas() -> dict[str, pyarrow.Schema]:
     blueprints = {
         "id": text, "family": text, "version": small, "params": text, "seed": pa.int64(), "split": text,
         "n_parts": small, "parts": pa.list_(text), "clauses": pa.list_(pa.list_(pa.list_(small))),
+        "executable": pa.list_(pa.list_(pa.list_(small))),
         "stages": pa.list_(pa.list_(text)), "complete": pa.bool_(), "cut_short": pa.list_(small),
         "motion_class": text, "orders": text, "identical": pa.list_(pa.list_(small)), "geometry_hash": text,
         "descriptor": pa.list_(pa.float32()),
@@ -50,7 +51,7 @@ def schemas() -> dict[str, pyarrow.Schema]:
     tables = {
         "blueprints": blueprints,
         "sequences": {"id": text, "order": pa.list_(small)},
-        "steps": {**steps, "points": points, "normals": points},
+        "steps": {**steps, "points": points, "normals": points, "radius": pa.float32(), "begins": pa.float32()},
         "failures": {"id": text, "family": text, "params": text, "seed": pa.int64(), "reason": text},
     }
     return {name: pa.schema([pa.field(key, kind) for key, kind in table.items()]) for name, table in tables.items()}

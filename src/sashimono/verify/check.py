@@ -153,7 +153,7 @@ def _site(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> _Site
     return _Site(
         assembly=assembly,
         bodies=bodies,
-        overlaps=AssembledOverlaps(bodies, poses),
+        overlaps=AssembledOverlaps(bodies, poses, config),
         unsolved=frozenset(item.part for item in plan.unsolved),
         config=config,
     )
@@ -247,7 +247,7 @@ def _pair_findings(
                 site.bodies[name],
                 path,
                 site.overlaps.poses[name],
-                allowance=lambda name=name: site.overlaps.depth(moving, name),
+                overlaps=site.overlaps,
                 tolerance=pair_tolerance(body, site.bodies[name], config),
                 config=config,
             )
@@ -260,7 +260,7 @@ def _pair_findings(
                 other,
                 path,
                 member_poses(waiting, name, site.assembly)[0],
-                allowance=lambda: 0.0,
+                overlaps=None,
                 tolerance=pair_tolerance(body, other, config),
                 config=config,
             )

@@ -16,6 +16,10 @@ class VerifyConfig:
     relative_parted: float = 0.5
     """Depth, over that tolerance, at which a pair that overlaps in the assembled pose has parted: an overlap that
     wavers about the tolerance itself, as facets of a thread make it, has not ended."""
+    relative_excuse: float = 0.1
+    """Overlap in the assembled pose, over the smaller part's smallest extent, up to which it is an excuse all along, as
+    for a press fit, if it is less than ``relative_wall`` too. A deeper one excuses what is no farther from it than it
+    is large, than twice its depth, or this."""
     samples: int = 3000
     """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
     relative_resolution: float = 0.125

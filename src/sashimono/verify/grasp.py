@@ -247,6 +247,7 @@ def _first_hit(
     boxes: list[SampledBody], path: Screws, around: Surroundings, config: VerifyConfig
 ) -> tuple[str, str] | None:
     """Return the first box of the gripper that hits something along the path, and what it hits."""
+    options: dict[str, Any]
     for box in boxes:
         if around.table is not None:
             # flush with the table is no hit: a part that lies on it is held down there

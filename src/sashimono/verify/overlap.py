@@ -9,11 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import igl
+import manifold3d
 import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.geometry import se3
-from sashimono.verify.body import SampledBody
+from sashimono.verify.body import BallTree, SampledBody
+from sashimono.verify.config import VerifyConfig
+from sashimono.verify.sweep import Ease
 
 _ACCURACY = 0.004
 """To which the depth is found, over the smaller body's smallest extent: a fifth of what a plan may add."""
@@ -38,9 +42,18 @@ class MeasuredOverlap:
 
 
 def intersection(
-    moving: SampledBody, fixed: SampledBody, T_fixed_moving: Float[np.ndarray, "4 4"], *, most_points: int = _POINTS
+    moving: SampledBody,
+    fixed: SampledBody,
+    T_fixed_moving: Float[np.ndarray, "4 4"],
+    *,
+    most_points: int = _POINTS,
+    excuse: Excuse | None = None,
+    tolerance: float = 0.0,
 ) -> MeasuredOverlap:
-    """Return the intersection body's volume and how deep its surface lies in either of the two."""
+    """Return the intersection body's volume and how deep its surface lies in either of the two.
+
+    With an excuse, the depth is what that leaves of it.
+    """
     if moving.solid is None or fixed.solid is None:
         return MeasuredOverlap(volume=0.0, depth=0.0, exact=False)
     common = moving.solid.transform(np.ascontiguousarray(T_fixed_moving[:3])) ^ fixed.solid
@@ -52,7 +65,8 @@ def intersection(
     def depth(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         # each point lies on one surface and within the other body: the greater distance, whatever its sign, counts
         in_moving = np.abs(moving.distance(np.ascontiguousarray(se3.apply(T_moving_fixed, points))))
-        return np.maximum(in_moving, np.abs(fixed.distance(np.ascontiguousarray(points))))
+        depths = np.maximum(in_moving, np.abs(fixed.distance(np.ascontiguousarray(points))))
+        return depths if excuse is None else -excuse.eased(points, -depths, tolerance)
 
     surface = common.to_mesh64()
     points = np.asarray(surface.vert_properties)[:, :3]
@@ -112,21 +126,106 @@ def sampled_depth(moving: SampledBody, fixed: SampledBody, T_fixed_moving: Float
     return depth
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Excuse:
+    """How deep a pair overlaps as assembled. It may go as deep on its way, a deep overlap only near to where it is."""
+
+    depth: float
+    """Depth in the assembled pose [m]."""
+    places: tuple[OverlapPlace, ...] = ()
+    """Where it is, and how far from there it excuses anything; without any, everywhere."""
+
+    def eased(
+        self, points: Float[np.ndarray, "n 3"], distances: Float[np.ndarray, "n"], tolerance: float
+    ) -> Float[np.ndarray, "n"]:
+        """Return signed distances with the excuse taken off, so that what holds is no less than ``-tolerance``.
+
+        Args:
+            points: In the fixed part's frame [m].
+            distances: Their signed distances to the other surface [m].
+            tolerance: Depth that needs no excuse [m].
+        """
+        return self._off(distances, self._room(points), tolerance)
+
+    def ease_moving(self, tolerance: float) -> Ease:
+        """Return the same for points of the moving part, as a sweep asks for it."""
+        return lambda node, points, distances: self.eased(points, distances, tolerance)
+
+    def ease_fixed(self, tree: BallTree, tolerance: float) -> Ease:
+        """Return the same for points of the fixed part, which stay where they are."""
+        room = self._room(tree.centers)
+        return lambda node, points, distances: self._off(distances, room[node], tolerance)
+
+    def _room(self, points: np.ndarray) -> Float[np.ndarray, "n"]:
+        """How much farther from the overlap a point could be and still be excused."""
+        if not self.places:
+            return np.full(len(points), np.inf)
+        return np.max([place.reach - place.distance(points) for place in self.places], axis=0)
+
+    def _off(self, distances: np.ndarray, room: np.ndarray, tolerance: float) -> Float[np.ndarray, "n"]:
+        return np.maximum(distances, np.minimum(distances + self.depth, room - tolerance))
+
+
+class OverlapPlace:
+    """One connected piece of a pair's intersection body."""
+
+    def __init__(self, piece: manifold3d.Manifold, least: float) -> None:
+        mesh = piece.to_mesh64()
+        self._vertices = np.ascontiguousarray(np.asarray(mesh.vert_properties)[:, :3])
+        self._faces = np.ascontiguousarray(np.asarray(mesh.tri_verts).astype(np.int64))
+        self._aabb = igl.AABB()
+        self._aabb.init(self._vertices, self._faces)
+        self.reach = max(least, float(np.linalg.norm(np.ptp(self._vertices, axis=0))))
+        """How far from it this piece excuses anything [m]: as far as it is large."""
+
+    def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the distance of each point to the piece's surface [m], also from inside."""
+        squared = self._aabb.squared_distance(self._vertices, self._faces, np.ascontiguousarray(points))[0]
+        return np.sqrt(np.reshape(squared, -1))
+
+
 @dataclass(frozen=True, eq=False)
 class AssembledOverlaps:
     """Depth at which pairs overlap in the assembled pose, measured when first asked for."""
 
     bodies: dict[str, SampledBody]
     poses: dict[str, Float[np.ndarray, "4 4"]]
+    config: VerifyConfig
     _known: dict[frozenset[str], float] = field(default_factory=dict)
+    _excuses: dict[tuple[str, str], Excuse] = field(default_factory=dict)
 
     def depth(self, moving: str, fixed: str) -> float:
         """Return the pair's depth in the assembled pose [m]."""
         key = frozenset((moving, fixed))
         if key not in self._known:
-            T = se3.inverse(self.poses[fixed]) @ self.poses[moving]
+            T = self._seen(moving, fixed)
             exact = intersection(self.bodies[moving], self.bodies[fixed], T, most_points=_POINTS_ASSEMBLED)
             # samples can err on a surface that meets itself, and would then excuse what is no overlap
             sampled = 0.0 if exact.exact else sampled_depth(self.bodies[moving], self.bodies[fixed], T)
             self._known[key] = max(exact.depth, sampled)
         return self._known[key]
+
+    def excuse(self, moving: str, fixed: str) -> Excuse:
+        """Return how deep, and how far from where they overlap as assembled, a part may go into a fixed one.
+
+        A press fit is pushed along its whole bore: an overlap that is shallow beside both parts and their walls
+        excuses as much all along. A deep one, a screw sunk into solid material, excuses nothing farther off than it is
+        large. Where no boolean can be taken, it is not known where the overlap is, and its depth alone counts.
+        """
+        key = (moving, fixed)
+        if key not in self._excuses:
+            self._excuses[key] = self._excuse(moving, fixed)
+        return self._excuses[key]
+
+    def _excuse(self, moving: str, fixed: str) -> Excuse:
+        depth, first, second = self.depth(moving, fixed), self.bodies[moving], self.bodies[fixed]
+        near = self.config.relative_excuse * min(first.smallest_extent, second.smallest_extent)
+        shallow = min(near, self.config.relative_wall * min(first.wall, second.wall))
+        if depth <= shallow or first.solid is None or second.solid is None:
+            return Excuse(depth=depth)
+        common = first.solid.transform(np.ascontiguousarray(self._seen(moving, fixed)[:3])) ^ second.solid
+        least = max(near, 2.0 * depth)
+        return Excuse(depth=depth, places=tuple(OverlapPlace(piece, least) for piece in common.decompose()))
+
+    def _seen(self, moving: str, fixed: str) -> Float[np.ndarray, "4 4"]:
+        return se3.inverse(self.poses[fixed]) @ self.poses[moving]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from jaxtyping import Float
 from sashimono.geometry import se3
 from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
-from sashimono.verify.overlap import intersection, sampled_depth
+from sashimono.verify.overlap import AssembledOverlaps, Excuse, intersection, sampled_depth
 from sashimono.verify.sweep import HalfSpace, Screws, Sweep, sweep
 
 
@@ -46,71 +45,44 @@ def check_pair(
     path: Screws,
     T_world_fixed: Float[np.ndarray, "4 4"],
     *,
-    allowance: Callable[[], float],
+    overlaps: AssembledOverlaps | None,
     tolerance: float,
     config: VerifyConfig,
 ) -> PairFinding:
     """Return what the moving body does to a fixed one along the path.
 
-    ``allowance`` gives the depth of the pair in the assembled pose; it is asked for only if the pair goes deeper
-    than the tolerance, because measuring it costs more than most pairs need.
+    ``overlaps`` tells what the overlap of the pair in the assembled pose excuses; None if nothing does. It is asked
+    only if the pair goes deeper than the tolerance, because measuring it costs more than most pairs need.
     """
-    seen = path.seen_from(T_world_fixed)
-    found = _both_ways(moving, fixed, seen, path.reversed_for(T_world_fixed), tolerance, tolerance, config)
-    allowed, queries, first_depth = 0.0, found.queries, found.depth
-    if not found.holds and not found.exhausted and (allowed := allowance()) > 0.0:
-        limit = allowed + tolerance
-        found = _both_ways(moving, fixed, seen, path.reversed_for(T_world_fixed), limit, tolerance, config)
-        queries += found.queries
-    depth, at, notes = found.depth, found.at, ()
-    if found.holds and len(found.near):
-        depth, at, notes = _with_booleans(moving, fixed, seen, found, config)
-        if depth > allowed + tolerance and allowed == 0.0:
-            allowed = allowance()
-    problem = _problem(fixed.name, depth, at, allowed, tolerance, found.exhausted)
-    if problem is None and allowed > tolerance:
-        again = _after_parting(moving, fixed, path, T_world_fixed, tolerance, config)
+    pair = _Pair(moving, fixed, path, T_world_fixed, tolerance, config)
+    found = pair.sweep(None)
+    excuse, queries, first_depth = Excuse(depth=0.0), found.queries, found.depth
+    if overlaps is not None and not found.holds and not found.exhausted:
+        excuse = overlaps.excuse(moving.name, fixed.name)
+        if excuse.depth > 0.0:
+            found = pair.sweep(excuse)
+            queries += found.queries
+    depth, at, holds, notes = found.depth, found.at, found.holds, ()
+    if holds and len(found.near):
+        depth, at, notes = pair.with_booleans(found)
+        if depth > tolerance and overlaps is not None:
+            excuse = overlaps.excuse(moving.name, fixed.name)
+        holds = depth <= excuse.depth + tolerance and not (depth > tolerance and pair.far_off(excuse, at))
+    problem = None if holds else _problem(fixed.name, depth, at, excuse, tolerance, found.exhausted)
+    if problem is None and excuse.depth > tolerance:
+        again = pair.after_parting()
         queries += again.queries
         if not again.holds:
-            problem = _problem(fixed.name, again.depth, again.at, 0.0, tolerance, again.exhausted)
+            problem = _problem(fixed.name, again.depth, again.at, Excuse(depth=0.0), tolerance, again.exhausted)
             problem = f"{problem}: once parted from it, the overlap in the assembled pose excuses nothing"
     return PairFinding(
         against=fixed.name,
         depth=max(0.0, depth, first_depth),
-        allowed=allowed + tolerance,
+        allowed=excuse.depth + tolerance,
         pose=at,
         problem=problem,
         queries=queries,
         notes=notes,
-    )
-
-
-def _after_parting(
-    moving: SampledBody,
-    fixed: SampledBody,
-    path: Screws,
-    T_world_fixed: Float[np.ndarray, "4 4"],
-    tolerance: float,
-    config: VerifyConfig,
-) -> Sweep:
-    """Check the path up to where the pair, walking back from the assembled pose, has first come apart.
-
-    An overlap in the assembled pose is an excuse while the pair is still in it, not for a second meeting.
-    """
-    seen = path.seen_from(T_world_fixed)
-    least = 0.25 * min(moving.wall, fixed.wall)
-    time = float(len(path.angle))
-    while time > 0.0:
-        depth = sampled_depth(moving, fixed, seen.pose_at(time))
-        if depth <= config.relative_parted * tolerance:
-            break
-        stretch = int(np.ceil(time)) - 1
-        speed = float(np.linalg.norm(path.shift[stretch])) + path.angle[stretch] * moving.reach(path.point[stretch])
-        step = max(depth - config.relative_parted * tolerance, least)
-        time = max(0.0, float(stretch), time - step / speed) if speed > 0.0 else float(stretch)
-    early = path.until(time)
-    return _both_ways(
-        moving, fixed, early.seen_from(T_world_fixed), early.reversed_for(T_world_fixed), tolerance, tolerance, config
     )
 
 
@@ -131,72 +103,112 @@ def check_table(moving: SampledBody, table: HalfSpace, path: Screws, *, config: 
         depth=max(0.0, found.depth),
         allowed=tolerance,
         pose=found.at,
-        problem=_problem("table", found.depth, found.at, 0.0, tolerance, found.exhausted),
+        problem=None
+        if found.holds
+        else _problem("table", found.depth, found.at, Excuse(depth=0.0), tolerance, found.exhausted),
         queries=found.queries,
     )
 
 
-def _problem(against: str, depth: float, at: float, allowed: float, tolerance: float, exhausted: bool) -> str | None:
-    if depth > allowed + tolerance:
-        beyond = f", {allowed * 1e3:.4g} mm of it as assembled" if allowed > tolerance else ""
-        return (
-            f"goes {depth * 1e3:.4g} mm deep into {against} at pose {at:.2f}{beyond}"
-            f" (tolerance {tolerance * 1e3:.4g} mm)"
-        )
+def _problem(against: str, depth: float, at: float, excuse: Excuse, tolerance: float, exhausted: bool) -> str:
+    """Say what is wrong with a pair that does not hold."""
     if exhausted:
         return f"could not be cleared of {against}: the queries ran out (max_queries)"
-    return None
-
-
-def _both_ways(
-    moving: SampledBody,
-    fixed: SampledBody,
-    seen: Screws,
-    back: Screws,
-    limit: float,
-    tolerance: float,
-    config: VerifyConfig,
-) -> Sweep:
-    """Sweep the moving body's samples against the fixed one, then the fixed one's against the moving one."""
-    options = {
-        "limit": limit,
-        "resolution": config.relative_resolution * tolerance,
-        "coarse": 0.25 * min(moving.wall, fixed.wall),
-    }
-    out = sweep(moving.tree, fixed, seen, max_queries=config.max_queries, **options)
-    if not out.holds:
-        return out
-    other = sweep(fixed.tree, moving, back, max_queries=config.max_queries - out.queries, **options)
-    deeper = other if other.depth > out.depth else out
-    return Sweep(
-        holds=other.holds,
-        exhausted=other.exhausted,
-        depth=deeper.depth,
-        at=deeper.at,
-        queries=out.queries + other.queries,
-        near=np.union1d(out.near, other.near),
+    beyond = f", {excuse.depth * 1e3:.4g} mm of it as assembled" if excuse.depth > tolerance else ""
+    if depth <= excuse.depth + tolerance:
+        beyond = ", too far from where they overlap as assembled to be excused by that"
+    return (
+        f"goes {depth * 1e3:.4g} mm deep into {against} at pose {at:.2f}{beyond} (tolerance {tolerance * 1e3:.4g} mm)"
     )
 
 
-def _with_booleans(
-    moving: SampledBody, fixed: SampledBody, seen: Screws, found: Sweep, config: VerifyConfig
-) -> tuple[float, float, tuple[str, ...]]:
-    """Return the deepest of the samples and of the intersection bodies at some of the times of contact."""
-    ranks = np.linspace(0.0, len(found.near) - 1.0, config.boolean_poses).round().astype(int)
-    times = np.unique(np.append(found.near[np.unique(ranks)], found.at))
-    depth, at = found.depth, found.at
-    for time in times:
-        stretch = min(int(time), len(seen.angle) - 1)
-        T = seen.pose(stretch, float(time - stretch))
-        low, high = _low_high(moving, T)
-        if (low > fixed.high).any() or (high < fixed.low).any():
-            continue
-        common = intersection(moving, fixed, T)
-        if not common.exact:
-            return depth, at, (f"no boolean could be taken with {fixed.name}: samples only",)
-        if common.depth > depth:
-            depth, at = common.depth, float(time)
-    return depth, at, ()
+class _Pair:
+    """One moving body, one fixed one, and the path between them."""
+
+    def __init__(
+        self,
+        moving: SampledBody,
+        fixed: SampledBody,
+        path: Screws,
+        T_world_fixed: Float[np.ndarray, "4 4"],
+        tolerance: float,
+        config: VerifyConfig,
+    ) -> None:
+        self._moving, self._fixed, self._path, self._T_world_fixed = moving, fixed, path, T_world_fixed
+        self._tolerance, self._config = tolerance, config
+        self._seen = path.seen_from(T_world_fixed)
+
+    def sweep(self, excuse: Excuse | None, path: Screws | None = None) -> Sweep:
+        """Sweep the moving body's samples against the fixed one, then the fixed one's against the moving one."""
+        path, config, tolerance = path or self._path, self._config, self._tolerance
+        options = {
+            "limit": tolerance,
+            "resolution": config.relative_resolution * tolerance,
+            "coarse": 0.25 * min(self._moving.wall, self._fixed.wall),
+        }
+        ease = None if excuse is None else excuse.ease_moving(tolerance)
+        seen = path.seen_from(self._T_world_fixed)
+        out = sweep(self._moving.tree, self._fixed, seen, max_queries=config.max_queries, ease=ease, **options)
+        if not out.holds:
+            return out
+        ease = None if excuse is None else excuse.ease_fixed(self._fixed.tree, tolerance)
+        left, back = config.max_queries - out.queries, path.reversed_for(self._T_world_fixed)
+        other = sweep(self._fixed.tree, self._moving, back, max_queries=left, ease=ease, **options)
+        deeper = other if other.depth > out.depth or not other.holds else out
+        return Sweep(
+            holds=other.holds,
+            exhausted=other.exhausted,
+            depth=deeper.depth,
+            at=deeper.at,
+            queries=out.queries + other.queries,
+            near=np.union1d(out.near, other.near),
+        )
+
+    def after_parting(self) -> Sweep:
+        """Check the path up to where the pair, walking back from the assembled pose, has first come apart.
+
+        An overlap in the assembled pose is an excuse while the pair is still in it, not for a second meeting.
+        """
+        moving, path, config = self._moving, self._path, self._config
+        least, parted = 0.25 * min(moving.wall, self._fixed.wall), config.relative_parted * self._tolerance
+        time = float(len(path.angle))
+        while time > 0.0:
+            depth = sampled_depth(moving, self._fixed, self._seen.pose_at(time))
+            if depth <= parted:
+                break
+            stretch = int(np.ceil(time)) - 1
+            speed = float(np.linalg.norm(path.shift[stretch])) + path.angle[stretch] * moving.reach(path.point[stretch])
+            step = max(depth - parted, least)
+            time = max(0.0, float(stretch), time - step / speed) if speed > 0.0 else float(stretch)
+        return self.sweep(None, path.until(time))
+
+    def with_booleans(self, found: Sweep) -> tuple[float, float, tuple[str, ...]]:
+        """Return the deepest of the samples and of the intersection bodies at some of the times of contact."""
+        ranks = np.linspace(0.0, len(found.near) - 1.0, self._config.boolean_poses).round().astype(int)
+        times = np.unique(np.append(found.near[np.unique(ranks)], found.at))
+        depth, at = found.depth, found.at
+        for time in times:
+            T = self._pose(float(time))
+            low, high = _low_high(self._moving, T)
+            if (low > self._fixed.high).any() or (high < self._fixed.low).any():
+                continue
+            common = intersection(self._moving, self._fixed, T)
+            if not common.exact:
+                return depth, at, (f"no boolean could be taken with {self._fixed.name}: samples only",)
+            if common.depth > depth:
+                depth, at = common.depth, float(time)
+        return depth, at, ()
+
+    def far_off(self, excuse: Excuse, time: float) -> bool:
+        """Return whether, at this time, the intersection body is too deep too far from the overlap as assembled."""
+        if not excuse.places:
+            return False
+        left = intersection(self._moving, self._fixed, self._pose(time), excuse=excuse, tolerance=self._tolerance)
+        return left.depth > self._tolerance
+
+    def _pose(self, time: float) -> Float[np.ndarray, "4 4"]:
+        stretch = min(int(time), len(self._seen.angle) - 1)
+        return self._seen.pose(stretch, time - stretch)
 
 
 def _low_high(body: SampledBody, T: Float[np.ndarray, "4 4"]) -> tuple[np.ndarray, np.ndarray]:

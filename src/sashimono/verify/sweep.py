@@ -8,6 +8,7 @@ So nothing is jumped between poses, however thin; between samples, the spacing i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
@@ -17,6 +18,10 @@ from jaxtyping import Bool, Float, Int
 
 from sashimono.geometry import se3
 from sashimono.verify.body import BallTree
+
+Ease = Callable[[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]], Float[np.ndarray, "n"]]
+"""Given the balls' nodes, their centres in the target's frame and their signed distances: the distances that count.
+These, too, must not change by more than a point travels."""
 
 _CHUNK = 40_000
 _MAX_PIECES = 16
@@ -156,7 +161,7 @@ class Sweep:
     exhausted: bool
     """It does not hold only because the queries ran out."""
     depth: float
-    """Deepest sample looked at [m], negative if all stayed outside."""
+    """Deepest sample looked at [m], negative if all stayed outside; what an excuse took off is in it."""
     at: float
     """Where on the path, in stretches."""
     queries: int
@@ -200,37 +205,40 @@ def sweep(
     resolution: float,
     coarse: float,
     max_queries: int,
+    ease: Ease | None = None,
 ) -> Sweep:
     """Return whether the samples of a tree stay less than ``limit`` deep in the target all along the path.
 
-    Stops at the first look that finds a deeper one. ``resolution`` is the travel [m] to either side below which a
-    vertex that is within the limit is not looked at again. Samples between vertices stand for the surface around
-    them anyway: for these it is half of their ball's radius, at most ``coarse`` [m], a fraction of the thinner wall.
+    With ``ease``, what counts are the distances that it returns. Stops at the first look that finds a deeper one.
+    ``resolution`` is the travel [m] to either side below which a vertex that is within the limit is not looked at
+    again. Samples between vertices stand for the surface around them anyway: for these it is half of their ball's
+    radius, at most ``coarse`` [m], a fraction of the thinner wall.
     """
     stretches = np.arange(len(path.angle))
     still = not (path.angle.any() or path.shift.any())
     start = np.full(len(stretches), 0.0 if still else 0.5)
     stack = [_Items(node=np.full(len(stretches), tree.root), stretch=stretches, u=start, half=start.copy())]
-    depth, at, queries, near = -np.inf, 0.0, 0, []
+    depth, at, beyond, queries, near = -np.inf, 0.0, -np.inf, 0, []
     while stack:
         items = stack.pop()
         if len(items.node) > _CHUNK:
             stack.append(items.take(np.arange(_CHUNK, len(items.node))))
             items = items.take(np.arange(_CHUNK))
         queries += len(items.node)
-        open_, s, travel = _look(tree, target, path, items, limit)
+        open_, s, travel, raw = _look(tree, target, path, items, limit, ease)
         leaf = tree.first_child[open_.node] < 0
         if leaf.any():
             deepest = int(np.argmin(np.where(leaf, s, np.inf)))
-            if -s[deepest] > depth:
-                depth, at = float(-s[deepest]), float(open_.stretch[deepest] + open_.u[deepest])
+            if -s[deepest] > beyond:
+                beyond, at = float(-s[deepest]), float(open_.stretch[deepest] + open_.u[deepest])
+            depth = max(depth, float(-np.where(leaf, raw, np.inf).min())) if beyond <= limit else float(-raw[deepest])
             near.append(np.unique(np.round((open_.stretch + open_.u)[leaf], 3)))
-        if depth > limit or queries > max_queries:
+        if beyond > limit or queries > max_queries:
             break
         stack.extend(_cut(tree, open_, s, travel, leaf, limit, (resolution, coarse)))
     else:
         return Sweep(holds=True, exhausted=False, depth=depth, at=at, queries=queries, near=_sorted(near))
-    return Sweep(holds=False, exhausted=depth <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
+    return Sweep(holds=False, exhausted=beyond <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
 
 
 def _sorted(times: list[np.ndarray]) -> np.ndarray:
@@ -238,9 +246,9 @@ def _sorted(times: list[np.ndarray]) -> np.ndarray:
 
 
 def _look(
-    tree: BallTree, target: Target, path: Screws, items: _Items, limit: float
-) -> tuple[_Items, Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-    """Return the items not settled by one look at their middle, with signed distance and travel to either end."""
+    tree: BallTree, target: Target, path: Screws, items: _Items, limit: float, ease: Ease | None
+) -> tuple[_Items, Float[np.ndarray, "n"], Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Return the items that one look leaves open: the distance that counts, travel to either end, the distance."""
     radii = tree.radii[items.node]
     points, speed = path.locate(tree.centers[items.node], radii, items.stretch, items.u)
     travel = speed * items.half
@@ -250,9 +258,13 @@ def _look(
     deep = np.flatnonzero(s < -limit)
     if len(deep):  # where the surface meets itself, the nearest face can tell the wrong side: ask the whole of it
         s[deep] = np.where(target.contains(points[close[deep]]), s[deep], -s[deep])
-    unsettled = s < need[close]
+    raw, unsettled = s, s < need[close]
+    if ease is not None and unsettled.any():
+        s = s.copy()
+        s[unsettled] = ease(items.node[close[unsettled]], points[close[unsettled]], s[unsettled])
+        unsettled = s < need[close]
     close = close[unsettled]
-    return items.take(close), s[unsettled], travel[close]
+    return items.take(close), s[unsettled], travel[close], raw[unsettled]
 
 
 def _cut(
