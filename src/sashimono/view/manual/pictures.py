@@ -231,7 +231,7 @@ class Illustrator:
             back = front - (along.max() - along.min() + rise + gap) * leg.direction
             way = Way(
                 points=np.array([front - (rise + gap) * leg.direction, front - rise * leg.direction]),
-                legs=legs, back=back, radius=_radius(points, front, leg.direction), end=front,
+                last=leg, bent=False, back=back, radius=_radius(points, front, leg.direction), end=front,
             )  # fmt: skip
             return shift, way
         start = min(segment.start for segment in step.motion.segments if segment.kind == "insertion")
@@ -239,7 +239,7 @@ class Illustrator:
         shifts = step.motion.T_world_part[start:] @ to_start
         middle = 0.5 * (low + high)
         track = shifts[:, :3, :3] @ middle + shifts[:, :3, 3]
-        way = Way(points=track, legs=legs, back=track[0], radius=0.3 * size, end=track[-1])
+        way = Way(points=track, last=legs[-1], bent=True, back=track[0], radius=0.3 * size, end=track[-1])
         return shifts[0], way
 
     def _views(
@@ -268,14 +268,14 @@ class Illustrator:
             if way is None:
                 continue
             own = seen.part >= count_fixed
-            if len(way.legs) > 1:
+            if way.bent:
                 marks.append(path_arrow(view.pixel(way.points)))
             else:
                 marks.append(trail(view.pixel(np.array([way.points[-1], way.end]))))
                 marks.append(straight_arrow(view.pixel(way.points), own))
-            leg = way.legs[-1]
-            if abs(leg.turns) >= 0.2:
-                marks.append(turn_arrow(way.back, leg.direction, way.radius, np.sign(leg.turns), view))
+            if abs(way.last.turns) >= 0.2:
+                sense = 1.0 if way.last.turns > 0.0 else -1.0
+                marks.append(turn_arrow(way.back, way.last.direction, way.radius, sense, view))
         return tuple(marks)
 
 
@@ -285,7 +285,10 @@ class Way:
 
     points: Float[np.ndarray, "point 3"]
     """From where it is drawn to its mouth."""
-    legs: tuple[Leg, ...]
+    last: Leg
+    """The leg that it ends with."""
+    bent: bool
+    """Whether there is more than one leg."""
     back: Float[np.ndarray, "3"]
     """Behind what comes, on its axis."""
     radius: float
