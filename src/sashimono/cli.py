@@ -232,10 +232,13 @@ def manual(
     source: PlanInput = None,
 ) -> int:
     """Write work instructions for a plan: a picture a step with its way in words, parts, tools, holds, warnings."""
+    from sashimono.console import progress_display
     from sashimono.exports import write_instructions
 
     refuse_unwritable(out)
-    for file in write_instructions(path, out, language=language, pdf=pdf, source=source):
+    with progress_display() as progress:
+        written = write_instructions(path, out, language=language, pdf=pdf, source=source, progress=progress)
+    for file in written:
         typer.echo(f"written: {file}" if file.suffix == ".pdf" else f"open in a browser: {file.resolve()}")
     return OK
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -44,7 +45,13 @@ def read_plan_and_input(path: Path, source: Path | None = None) -> tuple[Assembl
 
 
 def write_instructions(
-    path: Path, out: Path, *, language: str = "en", pdf: bool | None = None, source: Path | None = None
+    path: Path,
+    out: Path,
+    *,
+    language: str = "en",
+    pdf: bool | None = None,
+    source: Path | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Path, ...]:
     """Write the work instructions of a plan, and return the files: manual.html, and manual.pdf if it was printed.
 
@@ -54,6 +61,7 @@ def write_instructions(
         language: A code of `LANGUAGES`.
         pdf: Whether the page is printed too; None: if a browser is installed.
         source: The plan's input, where it has moved.
+        progress: Called with "pictures", how many are done, and of how many.
 
     Raises SashimonoError for what cannot be read, an unknown language, or a PDF that is wanted where none can be made.
     """
@@ -65,8 +73,9 @@ def write_instructions(
         raise SashimonoError(f"--pdf: {no_browser_words('manual.html')}.")
     plan, assembly = read_plan_and_input(path, source)
     names = ["manual.html"]
+    drawn = None if progress is None else partial(progress, "pictures")
     with replacing_together(out) as folder:
-        write_manual(plan, assembly, folder / "manual.html", language=language)
+        write_manual(plan, assembly, folder / "manual.html", language=language, progress=drawn)
         if pdf or (pdf is None and find_browser() is not None):
             names.append(print_page(folder / "manual.html", folder / "manual.pdf").name)
     return tuple(out / name for name in names)
