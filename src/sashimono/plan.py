@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from sashimono.assembly import Overlap, Source, few_words, frozen_array, html_table
 from sashimono.geometry import se3
-from sashimono.geometry.legs import Leg, path_legs
+from sashimono.geometry.legs import Leg, main_leg, path_legs
 
 
 class Answer(StrEnum):
@@ -173,8 +173,12 @@ class Step:
 
     @property
     def direction(self) -> Float[np.ndarray, "3"] | None:
-        """Unit direction of the last leg of the way in, world frame; None where there is none."""
-        return self.insertion[-1].direction if self.insertion else None
+        """Unit direction of the way in, world frame; None where there is none.
+
+        It is that of the last leg that travels at least a tenth of the way; of a turn in place, its axis.
+        """
+        leg = main_leg(self.insertion)
+        return None if leg is None else leg.direction
 
     @property
     def length(self) -> float:
@@ -183,8 +187,11 @@ class Step:
 
     @property
     def turns(self) -> float:
-        """Whole turns on the way in, each leg's by the right-hand rule about its direction: clockwise is positive."""
-        return sum(leg.turns for leg in self.insertion)
+        """Whole turns on the way in, right-hand rule about `direction`: clockwise, seen along it, is positive."""
+        way = self.direction
+        if way is None:
+            return 0.0
+        return sum(leg.turns if leg.direction @ way >= 0.0 else -leg.turns for leg in self.insertion)
 
     @property
     def members(self) -> tuple[str, ...]:

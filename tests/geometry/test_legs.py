@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sashimono.geometry import se3
-from sashimono.geometry.legs import path_legs
+from sashimono.geometry.legs import Leg, main_leg, path_legs, simple_legs
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -75,3 +75,23 @@ def test_moving_the_world_turns_directions_and_keeps_lengths_and_turns(
     (leg,), (moved,) = path_legs(poses), path_legs(T @ poses)
     assert moved.direction == pytest.approx(T[:3, :3] @ leg.direction, abs=1e-9)
     assert (moved.length, moved.turns) == pytest.approx((leg.length, leg.turns), abs=1e-9)
+
+
+def leg(direction: tuple[float, float, float], length: float, turns: float = 0.0) -> Leg:
+    return Leg(direction=np.array(direction), length=length, turns=turns, point=np.zeros(3))
+
+
+def test_a_way_is_told_without_its_small_legs() -> None:
+    down, nudge = leg((0.0, 0.0, -1.0), 0.02), leg((1.0, 0.0, 0.0), 1e-5)
+    turn, back = leg((0.0, 0.0, 1.0), 1e-6, 0.04), leg((0.0, 0.0, -1.0), 0.0, -0.04)
+    told = simple_legs((down, nudge, down, turn, back, turn))
+    assert [(each.length, round(each.turns, 9)) for each in told] == [(pytest.approx(0.04), 0.0), (0.0, 0.12)]
+    assert simple_legs(()) == ()
+    assert simple_legs((nudge,)) == (nudge,)  # all there is
+
+
+def test_the_main_leg_is_the_last_that_travels() -> None:
+    across, down, turn = leg((1.0, 0.0, 0.0), 0.03), leg((0.0, 0.0, -1.0), 0.01), leg((0.0, 0.0, 1.0), 0.0, 0.25)
+    assert main_leg((across, down, turn)) is down
+    assert main_leg((turn,)) is turn
+    assert main_leg(()) is None

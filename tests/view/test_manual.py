@@ -24,7 +24,7 @@ from sashimono.view.manual.drawing import Solid, look_from
 from sashimono.view.manual.page import render_manual, write_manual
 from sashimono.view.manual.pdf import find_browser, print_page
 from sashimono.view.manual.pictures import PictureConfig
-from sashimono.view.words import ENGLISH, GERMAN, LANGUAGES, leg_words, length_words, way_words
+from sashimono.view.words import ENGLISH, GERMAN, LANGUAGES, leg_words, length_words, way_lines, way_words
 
 UP = np.array([0.0, 0.0, 1.0])
 SMALL = PictureConfig(width=240, height=150, supersample=1, thumbnail=32, cover_width=420, cover_height=(200, 300))
@@ -88,7 +88,11 @@ def test_words_of_a_way() -> None:
     assert leg_words(leg((1.0, 0.0, 0.0), 0.0074), UP, ENGLISH) == "7.4 mm along the arrow"
     assert leg_words(leg((1.0, 0.0, 0.0), 0.0074), UP, ENGLISH, arrow=True) == "7.4 mm"
     assert leg_words(leg((0.0, 0.0, -1.0), 0.0028, -1.0), UP, ENGLISH).startswith("1 turn counter-clockwise")
-    assert leg_words(leg((1.0, 0.0, 0.0), 0.0, 0.05), UP, ENGLISH) == "tilt by 18°"
+    about_x, about_z = leg((1.0, 0.0, 0.0), 0.0, 0.05), leg((0.0, 0.0, 1.0), 0.0, 0.05)
+    assert way_words((about_x, down), UP, ENGLISH) == "tilt by 18°, then down 16 mm"
+    # the axis points up, the way down: seen along the way the turn is the other way round
+    assert way_words((down, about_z), UP, ENGLISH) == "down 16 mm, then turn 18° counter-clockwise"
+    assert way_lines((down, about_x, down, about_x, down), UP, ENGLISH, most=2) == ["…", "tilt by 18°", "down 16 mm"]
     # what is down follows the table, not the world's z
     assert leg_words(leg((0.0, 0.0, -1.0), 0.016), -UP, ENGLISH) == "up 16 mm"
 

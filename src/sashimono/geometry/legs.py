@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -56,6 +57,46 @@ def path_legs(poses: Float[np.ndarray, "pose 4 4"], *, bend: float = 0.02, small
         else:
             legs[-1] = joined
     return tuple(legs)
+
+
+def main_leg(legs: Sequence[Leg], *, share: float = 0.1) -> Leg | None:
+    """Return the last leg that travels at least this share of the whole way; the last if none does, None of none."""
+    total = sum(leg.length for leg in legs)
+    return next((leg for leg in reversed(legs) if leg.length >= share * total > 0.0), legs[-1] if legs else None)
+
+
+def simple_legs(legs: Sequence[Leg], *, small: float = 0.02, bend: float = 0.4) -> tuple[Leg, ...]:
+    """Return the legs as a person would tell them; a path found by contact has many small ones.
+
+    Args:
+        legs: As `path_legs` returns them.
+        small: Travel below this share of the whole way is left out, and so is a turn below this share of a half turn.
+        bend: Neighbours whose directions differ by less than this [rad] are one leg.
+    """
+    total = sum(leg.length for leg in legs)
+    told: list[Leg] = []
+    for leg in legs:
+        if leg.length < small * total:
+            leg = replace(leg, length=0.0)
+        joined = _told_together(told[-1], leg, bend) if told else None
+        if joined is not None:
+            told[-1] = joined
+        elif leg.length > 0.0 or leg.turns != 0.0:
+            told.append(leg)
+    kept = tuple(leg for leg in told if leg.length > 0.0 or abs(leg.turns) >= 0.5 * small)
+    return kept or tuple(legs[-1:])
+
+
+def _told_together(a: Leg, b: Leg, bend: float) -> Leg | None:
+    """Both as one leg: straight ones along one another, turns in place about one axis, either way round."""
+    along = float(a.direction @ b.direction)
+    if a.straight and b.straight and along > np.cos(bend):
+        total = a.length * a.direction + b.length * b.direction
+        norm = float(np.linalg.norm(total))
+        return a if norm == 0.0 else replace(a, direction=total / norm, length=a.length + b.length)
+    if a.length == b.length == 0.0 and not a.straight and not b.straight and abs(along) > np.cos(bend):
+        return replace(a, turns=a.turns + (b.turns if along > 0.0 else -b.turns))
+    return None
 
 
 def _rigid(poses: Float[np.ndarray, "pose 4 4"]) -> bool:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from sashimono.fasteners.recognise import Fastener
 from sashimono.fasteners.sizes import nominal_width
-from sashimono.geometry.legs import Leg
+from sashimono.geometry.legs import Leg, main_leg, simple_legs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,10 @@ class Words:
     one_turn: str
     clockwise: str
     counter_clockwise: str
+    turn: str
+    """Less than a turn, about the way."""
     tilt: str
+    """About another axis."""
     then: str
     times: str
     tool: str
@@ -105,6 +108,7 @@ ENGLISH = Words(
     one_turn="{count} turn {hand}",
     clockwise="clockwise",
     counter_clockwise="counter-clockwise",
+    turn="turn {angle} {hand}",
     tilt="tilt by {angle}",
     then=", then ",
     times="{count} × {part}",
@@ -162,6 +166,7 @@ GERMAN = Words(
     one_turn="{count} Umdrehung {hand}",
     clockwise="im Uhrzeigersinn",
     counter_clockwise="gegen den Uhrzeigersinn",
+    turn="{angle} {hand} drehen",
     tilt="um {angle} kippen",
     then=", dann ",
     times="{count} × {part}",
@@ -222,6 +227,7 @@ JAPANESE = Words(
     one_turn="{hand}に{count}回転",
     clockwise="時計回り",
     counter_clockwise="反時計回り",
+    turn="{hand}に{angle}回す",
     tilt="{angle}傾ける",
     then="、次に",
     times="{part} × {count}",
@@ -271,10 +277,22 @@ def size_words(size: Float[np.ndarray, "3"], words: Words) -> str:
     return " × ".join(texts).replace(".", words.decimal) + " mm"
 
 
-def leg_words(leg: Leg, up: Float[np.ndarray, "3"], words: Words, *, arrow: bool = False) -> str:
+def leg_words(
+    leg: Leg,
+    up: Float[np.ndarray, "3"],
+    words: Words,
+    *,
+    way: Float[np.ndarray, "3"] | None = None,
+    arrow: bool = False,
+) -> str:
     """Return one leg of a way in words: "down 16 mm", "4 turns clockwise", "tilt by 12°".
 
-    With ``arrow`` they stand beside an arrow, which need not be named.
+    Args:
+        leg: The leg.
+        up: Away from the table.
+        words: The language.
+        way: Which way the part goes on the whole: turns about it have a hand, seen along it. The leg's own if None.
+        arrow: Whether the words stand beside an arrow, which then need not be named.
     """
     rise = float(leg.direction @ up)
     along = "{length}" if arrow else words.along
@@ -282,22 +300,32 @@ def leg_words(leg: Leg, up: Float[np.ndarray, "3"], words: Words, *, arrow: bool
     travel = template.format(length=length_words(leg.length, words))
     if leg.straight:
         return travel
-    count = abs(leg.turns)
-    if count < 0.2 and leg.length <= 1e-6:
-        return words.tilt.format(angle=f"{360.0 * count:.0f}°")
-    hand = words.clockwise if leg.turns > 0.0 else words.counter_clockwise
+    about = 1.0 if way is None else float(leg.direction @ way)
+    turns = leg.turns if about >= 0.0 else -leg.turns
+    hand = words.clockwise if turns > 0.0 else words.counter_clockwise
+    if abs(turns) < 0.75 and leg.length == 0.0:
+        template = words.turn if abs(about) > 0.9 else words.tilt
+        return template.format(angle=f"{360.0 * abs(turns):.0f}°", hand=hand)
+    count = abs(turns)
     text = f"{count:.0f}" if abs(count - round(count)) < 0.05 else f"{count:.1f}".replace(".", words.decimal)
     turning = (words.one_turn if text == "1" else words.turns).format(count=text, hand=hand)
-    return f"{turning} ({travel})" if leg.length > 1e-6 else turning
+    return f"{turning} ({travel})" if leg.length > 0.0 else turning
 
 
-def way_words(
+def way_lines(
     legs: Sequence[Leg], up: Float[np.ndarray, "3"], words: Words, *, arrow: bool = False, most: int = 4
-) -> str:
-    """Return a whole way in words; of a way of many legs the last ones."""
-    shown = list(legs[-most:])
-    text = words.then.join(leg_words(leg, up, words, arrow=arrow) for leg in shown)
-    return ("… " if len(shown) < len(legs) else "") + text
+) -> list[str]:
+    """Return a whole way in words, a line a leg; of a way of many legs the last ones. None of no legs."""
+    told = simple_legs(legs)
+    leading = main_leg([leg for leg in told if leg.length > 0.0])
+    way = None if leading is None else leading.direction
+    lines = [leg_words(leg, up, words, way=way, arrow=arrow) for leg in told[-most:]]
+    return ["…", *lines] if len(told) > most else lines
+
+
+def way_words(legs: Sequence[Leg], up: Float[np.ndarray, "3"], words: Words) -> str:
+    """Return a whole way in a sentence without its stop; see `way_lines`."""
+    return words.then.join(way_lines(legs, up, words))
 
 
 def tool_words(fastener: Fastener, words: Words) -> str | None:

@@ -25,6 +25,7 @@ from sashimono.view.words import (
     names_words,
     size_words,
     tool_words,
+    way_lines,
     way_words,
 )
 
@@ -190,7 +191,7 @@ class _Page:
         words = self._words
         picture = self._draw.task(task, chapter)
         name = self._name(task)
-        label = way_words(task.step.insertion, chapter.up, words, arrow=True) if task.step.insertion else ""
+        label = way_lines(task.step.insertion, chapter.up, words, arrow=True)
         lines = [f'<p class="do">{_breakable(line)}</p>' for line in self._say(task, chapter, name)]
         lines += [f'<p class="tool">{_escape(line)}</p>' for line in self._tools(task)]
         lines += [f'<p class="hold">{_breakable(line)}</p>' for line in self._holds(task)]
@@ -198,7 +199,7 @@ class _Page:
         thumbnail = self._thumbnail(task.members if task.brings else task.members[:1])
         number = "" if task.brings else f'<span class="number">{task.row.number}</span>'
         return (
-            f'<article class="task" id="step{task.number}">\n{_figure(picture, (label,), name)}\n'
+            f'<article class="task" id="step{task.number}">\n{_figure(picture, label, name)}\n'
             f'<div class="text"><h3>{_escape(words.step.format(number=task.number))}</h3>\n'
             f'<div class="brings">{thumbnail}{number}<b>{_breakable(name)}</b></div>\n{"".join(lines)}\n'
             f"{self._labels(task)}</div></article>\n"
@@ -301,10 +302,10 @@ class _Page:
         return f'<section class="unsolved">\n<h2>{_escape(words.unsolved)}</h2>\n<ul>{rows}</ul></section>\n'
 
 
-def _figure(picture: Illustration, labels: Sequence[str], name: str) -> str:
-    """The picture with its marks, as inline SVG; the first arrow gets the words."""
+def _figure(picture: Illustration, lines: Sequence[str], name: str) -> str:
+    """The picture with its marks, as inline SVG; the first arrow gets the lines of words."""
     shapes = []
-    words_left = [label for label in labels if label]
+    words_left = list(lines)
     taken: list[tuple[float, float, float, float]] = []
     if picture.overview is not None:
         shapes.append(_overview(picture))
@@ -313,7 +314,8 @@ def _figure(picture: Illustration, labels: Sequence[str], name: str) -> str:
     for mark in picture.marks:
         shapes.append(_SHAPES[mark.kind](mark))
         if mark.kind == "arrow" and words_left:
-            shapes.append(_label(words_left.pop(0), mark, picture, taken))
+            shapes.append(_label(words_left, mark, picture, taken))
+            words_left = []
     return (
         f'<svg class="picture" viewBox="0 0 {picture.width} {picture.height}" role="img" aria-label="{_escape(name)}">'
         f'<image width="{picture.width}" height="{picture.height}" href="{_image(picture.png)}"/>'
@@ -341,15 +343,17 @@ def _line(points: Sequence[tuple[float, float]]) -> str:
 
 def _arrow(mark: Mark) -> str:
     points = np.array(mark.points)
-    back = 4 if mark.kind == "turn" else 1
-    ahead = points[-1] - points[-1 - min(back, len(points) - 1)]
-    ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    size = 20.0
+    # the head is as long as the line's last pixels, which may be bent
+    left = np.concatenate([np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)[::-1])[::-1], [0.0]])
+    tip = points[-1]
+    foot = points[int(np.flatnonzero(left >= min(size, left[0])).max())]
+    ahead = (tip - foot) / max(float(np.linalg.norm(tip - foot)), 1e-9)
     across = np.array([-ahead[1], ahead[0]])
-    tip, size = points[-1], 20.0 if mark.kind == "arrow" else 16.0
     head = [tip, tip - size * ahead + 0.5 * size * across, tip - size * ahead - 0.5 * size * across]
-    shaft = [*mark.points[:-1], tuple(tip - 0.8 * size * ahead)]
-    if mark.kind == "turn":
-        shaft = list(mark.points[:-3])
+    shaft = [*(mark.points[k] for k in range(len(points)) if left[k] > size), tuple(tip - 0.8 * size * ahead)]
+    if len(shaft) == 1:
+        shaft.insert(0, mark.points[0])
     path, corners = _line(shaft), " ".join(f"{x:.1f},{y:.1f}" for x, y in head)
     return (
         f'<path class="halo" d="{path}"/><polygon class="halo" points="{corners}"/>'
@@ -373,11 +377,13 @@ def _balloon(mark: Mark) -> str:
 _SHAPES = {"arrow": _arrow, "turn": _arrow, "trail": _trail, "way on": _trail, "balloon": _balloon}
 
 
-def _label(text: str, mark: Mark, picture: Illustration, taken: list[tuple[float, float, float, float]]) -> str:
-    """The words of an arrow, near it, where least is drawn."""
+def _label(
+    lines: Sequence[str], mark: Mark, picture: Illustration, taken: list[tuple[float, float, float, float]]
+) -> str:
+    """The words of an arrow, a line a leg, near it, where least is drawn."""
     size = 26.0
-    wide = 10.0 + size * sum(1.0 if ord(letter) > 0x2E80 else 0.72 for letter in text)
-    high = 1.5 * size
+    wide = 10.0 + size * max(sum(1.0 if ord(letter) > 0x2E80 else 0.66 for letter in text) for text in lines)
+    high = 1.25 * size * len(lines) + 0.25 * size
     line = np.array(mark.points)
     best, least = (0.0, 0.0), np.inf
     for anchor in (line.mean(axis=0), line[0], line[-1]):
@@ -392,7 +398,10 @@ def _label(text: str, mark: Mark, picture: Illustration, taken: list[tuple[float
                 if cost < least:
                     best, least = (x, y), cost
     x, y = best
-    return f'<text class="way" x="{x + 5.0:.1f}" y="{y + 0.78 * high:.1f}">{_escape(text)}</text>'
+    return "".join(
+        f'<text class="way" x="{x + 5.0:.1f}" y="{y + (1.0 + 1.25 * k) * size:.1f}">{_escape(text)}</text>'
+        for k, text in enumerate(lines)
+    )
 
 
 def _crowd(

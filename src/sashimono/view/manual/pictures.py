@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from sashimono.assembly import Assembly, Part
 from sashimono.geometry import se3
-from sashimono.geometry.legs import Leg
+from sashimono.geometry.legs import Leg, simple_legs
 from sashimono.plan import AssemblyPlan, Step
 from sashimono.raster.png import png_bytes
 from sashimono.raster.zbuffer import Layer
@@ -231,7 +231,7 @@ class Illustrator:
             back = front - (along.max() - along.min() + rise + gap) * leg.direction
             way = Way(
                 points=np.array([front - (rise + gap) * leg.direction, front - rise * leg.direction]),
-                last=leg, bent=False, back=back, radius=_radius(points, front, leg.direction), end=front,
+                turn=_turn(legs), bent=False, back=back, radius=_radius(points, front, leg.direction), end=front,
             )  # fmt: skip
             return shift, way
         start = min(segment.start for segment in step.motion.segments if segment.kind == "insertion")
@@ -239,7 +239,7 @@ class Illustrator:
         shifts = step.motion.T_world_part[start:] @ to_start
         middle = 0.5 * (low + high)
         track = shifts[:, :3, :3] @ middle + shifts[:, :3, 3]
-        way = Way(points=track, last=legs[-1], bent=True, back=track[0], radius=0.3 * size, end=track[-1])
+        way = Way(points=track, turn=_turn(legs), bent=True, back=track[0], radius=0.3 * size, end=track[-1])
         return shifts[0], way
 
     def _views(
@@ -273,9 +273,9 @@ class Illustrator:
             else:
                 marks.append(trail(view.pixel(np.array([way.points[-1], way.end]))))
                 marks.append(straight_arrow(view.pixel(way.points), own))
-            if abs(way.last.turns) >= 0.2:
-                sense = 1.0 if way.last.turns > 0.0 else -1.0
-                marks.append(turn_arrow(way.back, way.last.direction, way.radius, sense, view))
+            if way.turn is not None:
+                sense = 1.0 if way.turn.turns > 0.0 else -1.0
+                marks.append(turn_arrow(way.back, way.turn.direction, way.radius, sense, view))
         return tuple(marks)
 
 
@@ -285,8 +285,8 @@ class Way:
 
     points: Float[np.ndarray, "point 3"]
     """From where it is drawn to its mouth."""
-    last: Leg
-    """The leg that it ends with."""
+    turn: Leg | None
+    """The turn with which it ends, if it does."""
     bent: bool
     """Whether there is more than one leg."""
     back: Float[np.ndarray, "3"]
@@ -295,6 +295,12 @@ class Way:
     """Of what comes, about its axis [m]."""
     end: Float[np.ndarray, "3"]
     """Where its front ends."""
+
+
+def _turn(legs: Sequence[Leg]) -> Leg | None:
+    """The turn that ends a way, of at least ten degrees; None if there is none."""
+    last = simple_legs(legs)[-1]
+    return last if abs(last.turns) >= 10.0 / 360.0 else None
 
 
 def _rise(
