@@ -234,7 +234,14 @@ def test_following_looks_at_each_step(complete: Any) -> None:
         )
         assert 0.2 * width < x < 0.8 * width
         assert 0.1 * height < y < 0.9 * height
-    complete.evaluate("sashimono.setView({follow: false})")
+    # while it plays, the camera goes to the next step's place by and by
+    complete.evaluate("sashimono.setTime(sashimono.steps[1].stop - 0.05); sashimono.play()")
+    before = complete.evaluate("sashimono.pixelOf([0, 0, 0])")
+    complete.evaluate("new Promise((done) => setTimeout(done, 900))")
+    complete.screenshot()
+    assert complete.evaluate("sashimono.pixelOf([0, 0, 0])") != before
+    complete.evaluate("sashimono.pause(); sashimono.setView({follow: false})")
+    assert complete.errors == []
 
 
 def test_usable_at_the_width_of_a_phone(complete: Any) -> None:

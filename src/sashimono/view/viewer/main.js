@@ -1,5 +1,7 @@
 // The player: time, what is shown, keyboard and mouse; and the hook `window.sashimono` for tests and pictures.
 
+const FLIGHT_MS = 700;
+
 class Player {
   constructor() {
     this.plan = readPlan();
@@ -11,6 +13,7 @@ class Player {
     this.hovered = -1;
     this.view = { explode: 0, contacts: true, table: true, xray: false, cadColors: false, follow: false };
     this.chosen = -1;
+    this.flight = null;
     this.hidden = new Set();
     this.alone = false;
     this.ready = false;
@@ -200,6 +203,7 @@ class Player {
   /** Show everything from the first viewpoint. */
   fit() {
     this.stage.userMoved = false;
+    this.flight = null;
     this.#frame();
     this.#invalidate(false);
   }
@@ -231,6 +235,27 @@ class Player {
     this.stage.fit(this.stage.widened(points, product, near ? 0.35 : 1), [], this.stage.directionOf(step.look));
   }
 
+  /** Go to where this step is seen from; on the way there while it plays, at once otherwise. */
+  #fly() {
+    this.flight = null;
+    const { camera, controls } = this.stage;
+    const from = [camera.position.clone(), controls.target.clone()];
+    this.#frame();
+    if (!this.playing || matchMedia("(prefers-reduced-motion: reduce)").matches) return;
+    this.flight = { from, to: [camera.position.clone(), controls.target.clone()], began: performance.now() };
+    this.#alongFlight(this.flight.began);
+  }
+
+  #alongFlight(now) {
+    const { from, to, began } = this.flight;
+    const u = Math.min(Math.max(now - began, 0) / FLIGHT_MS, 1);
+    const share = u * u * (3 - 2 * u);
+    this.stage.camera.position.lerpVectors(from[0], to[0], share);
+    this.stage.controls.target.lerpVectors(from[1], to[1], share);
+    this.stage.controls.update();
+    if (u >= 1) this.flight = null;
+  }
+
   /** What a view is framed for: while it stays the same, the camera need not move. */
   #scene() {
     if (!this.view.follow) return "all";
@@ -251,8 +276,10 @@ class Player {
       if (this.time >= this.plan.duration) this.playing = false;
       this.moved = true;
     }
+    if (this.flight && this.stage.userMoved) this.flight = null;
+    if (this.flight) this.#alongFlight(now);
     this.draw();
-    if (this.playing) this.#invalidate(true);
+    if (this.playing || this.flight) this.#invalidate(this.playing);
   }
 
   draw() {
@@ -260,7 +287,7 @@ class Player {
     const k = this.timeline.stepAt(time);
     if (this.moved || !this.ready) {
       const step = this.plan.steps[k];
-      if (view.follow && !stage.userMoved && this.framed !== this.#scene()) this.#frame();
+      if (view.follow && !stage.userMoved && this.framed !== this.#scene()) this.#fly();
       this.bodies.update(time, view, view.follow && step ? step.hiding : [], (part) => this.isShown(part));
       this.contacts.update(time, k, view.contacts, view.explode);
       this.panel.update(time, k, k < 0 ? "hold" : this.timeline.phase(k, time), this.playing);
