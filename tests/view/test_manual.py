@@ -241,6 +241,22 @@ def test_the_page_stands_alone_and_says_what_to_do(tmp_path: Path) -> None:
     assert not list(tmp_path.glob(".*"))
 
 
+def test_what_is_held_on_is_told_apart_from_what_is_held_anew() -> None:
+    plan, assembly = stacked_blocks()
+    held = ((), ("block_1",), ("block_1", "block_2"), ("block_2",))
+    steps = tuple(replace(step, held=names) for step, names in zip(plan.steps, held, strict=True))
+    tasks = make_manual(replace(plan, steps=steps), assembly).tasks
+    assert [(task.kept, task.let_go) for task in tasks] == [
+        ((), ()),
+        ((), ()),
+        (("block_1",), ()),
+        (("block_2",), ("block_1",)),
+    ]
+    text = " ".join(read(render_manual(replace(plan, steps=steps), assembly, pictures=SMALL)).words)
+    for said in ("Keep holding block_ 1.", "Hold block_ 2 so that", "Let go of block_ 1."):
+        assert said in text
+
+
 def test_hostile_names_stay_text() -> None:
     plan, assembly = stacked_blocks(HOSTILE_NAMES)
     page = render_manual(plan, assembly, pictures=SMALL)

@@ -60,6 +60,7 @@ class Words:
     gripper: str
     no_gripper: str
     hold: str
+    keep: str
     let_go: str
     hands: str
     turn_over: str
@@ -116,6 +117,7 @@ ENGLISH = Words(
     gripper="Gripper",
     no_gripper="none of those asked about",
     hold="Hold {parts} so that nothing falls or tips.",
+    keep="Keep holding {parts}.",
     let_go="Let go of {parts}.",
     hands="Needs {count} hands at once.",
     turn_over="Turn subassembly {letter} as shown before you bring it.",
@@ -174,6 +176,7 @@ GERMAN = Words(
     gripper="Greifer",
     no_gripper="keiner der gefragten",
     hold="{parts} festhalten, damit nichts fällt oder kippt.",
+    keep="{parts} weiter festhalten.",
     let_go="{parts} loslassen.",
     hands="Braucht {count} Hände zugleich.",
     turn_over="Baugruppe {letter} vor dem Einsetzen wie gezeigt drehen.",
@@ -235,6 +238,7 @@ JAPANESE = Words(
     gripper="グリッパ",
     no_gripper="該当なし",
     hold="{parts}を支え、落下や転倒を防ぎます。",
+    keep="{parts}を支え続けます。",
     let_go="{parts}から手を離します。",
     hands="同時に{count}本の手が必要です。",
     turn_over="サブアセンブリ{letter}を図の向きに回してから取り付けます。",

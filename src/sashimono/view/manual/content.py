@@ -51,6 +51,8 @@ class Task:
     """Letter of the chapter that it brings; "" for parts."""
     let_go: tuple[str, ...]
     """Parts that were held until here, and stand by themselves now."""
+    kept: tuple[str, ...]
+    """Parts that were held until here, and must be held on."""
     turned: bool = False
     """Whether a subassembly has to be turned over before it is brought."""
 
@@ -194,6 +196,7 @@ class _Writer:
                     row=self._rows[steps[0].part],
                     brings="" if below is None else below.letter,
                     let_go=tuple(name for name in held if name not in steps[-1].held),
+                    kept=tuple(name for name in held if name in steps[-1].held),
                     turned=below is not None and float(below.up @ up) < 0.97,
                 )
             )

@@ -270,8 +270,10 @@ class _Page:
         words, said = self._words, []
         if task.let_go:
             said.append(words.let_go.format(parts=names_words(task.let_go, words)))
-        if task.held:
-            said.append(words.hold.format(parts=names_words(task.held, words)))
+        if task.kept:
+            said.append(words.keep.format(parts=names_words(task.kept, words)))
+        if new := [name for name in task.held if name not in task.kept]:
+            said.append(words.hold.format(parts=names_words(new, words)))
         if task.hands is not None and task.hands > self._manual.hands:
             said.append(words.hands.format(count=task.hands))
         return said
