@@ -126,3 +126,36 @@ def test_a_manual_without_a_browser_is_a_page_and_a_line(
     assert "no Chromium or Chrome found" in caplog.text
     assert run(["manual", str(planned), "--out", str(tmp_path / "pdf"), "--pdf"]) == BAD_INPUT
     assert not (tmp_path / "pdf").exists()
+
+
+def test_a_scene_has_each_part_and_a_keyframe_after_each_step(planned: Path, tmp_path: Path) -> None:
+    assert run(["export", str(planned), "--mjcf", str(tmp_path / "scene")]) == OK
+    root = etree.parse(tmp_path / "scene" / "scene.xml").getroot()
+    plan, assembly = exports.read_plan_and_input(planned)
+    assert [body.get("name") for body in root.iter("body")] == list(assembly.names)
+    keys = {key.get("name"): [float(x) for x in key.get("qpos").split()] for key in root.iter("key")}
+    assert list(keys) == ["start", f"1 {plan.order[0]}", f"2 {plan.order[1]}"]
+    for k, name in enumerate(assembly.names):
+        own = slice(7 * k, 7 * k + 3)
+        assert keys[f"2 {plan.order[1]}"][own] == pytest.approx(plan.parts[name][:3, 3], abs=1e-9)
+        assert keys["start"][own] == pytest.approx(
+            plan.steps[plan.order.index(name)].motion.T_world_part[0][:3, 3], abs=1e-9
+        )
+    for mesh in root.iter("mesh"):
+        lines = (tmp_path / "scene" / mesh.get("file")).read_text().splitlines()
+        part = assembly.part(mesh.get("name"))
+        assert [line[0] for line in lines].count("f") == len(part.faces)
+        corners = [[float(x) for x in line.split()[1:]] for line in lines if line[0] == "v"]
+        assert corners == pytest.approx(part.vertices_part, abs=1e-9)
+
+
+def test_a_scene_loads_in_the_simulator(planned: Path, tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="the simulator is no dependency: exports are XML and OBJ")
+    assert run(["export", str(planned), "--mjcf", str(tmp_path)]) == OK
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.nkey - 1)
+    before = data.qpos.copy()
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    assert data.qpos == pytest.approx(before, abs=1e-6), "nothing falls and nothing is pushed apart"

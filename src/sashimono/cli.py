@@ -248,13 +248,22 @@ def export(
     path: PlanPath,
     bom: Annotated[Path | None, typer.Option(metavar="FILE", help="the bill of materials, as .csv or .xlsx")] = None,
     steps: Annotated[Path | None, typer.Option(metavar="FILE", help="a line a step, as .csv or .xlsx")] = None,
+    mjcf: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="a scene for MuJoCo, scene.xml, with a keyframe a step")
+    ] = None,
     source: PlanInput = None,
 ) -> int:
-    """Write tables of a plan: its bill of materials, its steps. Lengths in millimetres."""
-    from sashimono.exports import write_tables
+    """Write tables of a plan, its bill of materials and its steps [mm], or a scene for a simulator."""
+    from sashimono.exports import write_scene, write_tables
 
-    refuse_bad_files({"--bom": bom, "--steps": steps})
-    for file in write_tables(path, {"--bom": bom, "--steps": steps}, source=source):
+    files = {"--bom": bom, "--steps": steps}
+    refuse_bad_files(files)
+    if mjcf is not None:
+        refuse_unwritable(mjcf, option="--mjcf")
+    written = () if mjcf is None else write_scene(path, mjcf, source=source)[:1]
+    if mjcf is None or any(files.values()):
+        written += write_tables(path, files, source=source)
+    for file in written:
         typer.echo(f"written: {file}")
     return OK
 

@@ -1,4 +1,4 @@
-"""What is made of a finished plan: work instructions, tables. One call each, from plan.json to files."""
+"""What is made of a finished plan: work instructions, tables, a scene. One call each, from plan.json to files."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from sashimono.outputs import replacing_together
 from sashimono.plan import AssemblyPlan, Step
 from sashimono.view.manual import LANGUAGES, bill_of_materials, find_browser, print_page, write_manual
 from sashimono.view.manual.pdf import no_browser_words
+from sashimono.view.mjcf import write_mjcf
 
 _log = logging.getLogger(__name__)
 
@@ -110,6 +111,22 @@ def write_tables(path: Path, wanted: Mapping[str, Path | None], *, source: Path 
         with replacing_together(file.parent) as folder:
             (folder / file.name).write_bytes(content)
     return tuple(files.values())
+
+
+def write_scene(path: Path, out: Path, *, source: Path | None = None) -> tuple[Path, ...]:
+    """Write a plan as an MJCF scene with a keyframe a step, scene.xml and an OBJ a part, and return the files.
+
+    Args:
+        path: The plan.json.
+        out: The folder to write into.
+        source: The plan's input, where it has moved.
+
+    Raises SashimonoError for what cannot be read or written.
+    """
+    plan, assembly = read_plan_and_input(path, source)
+    with replacing_together(out) as folder:
+        names = write_mjcf(plan, assembly, folder)
+    return tuple(out / name for name in names)
 
 
 def bill_table(plan: AssemblyPlan, assembly: Assembly, fasteners: Sequence[Fastener]) -> list[list[Cell]]:
