@@ -62,7 +62,7 @@ def write_mjcf(plan: AssemblyPlan, assembly: Assembly, out: Path) -> tuple[str, 
 def keyframes(plan: AssemblyPlan, assembly: Assembly) -> list[tuple[str, dict[str, Float[np.ndarray, "4 4"]]]]:
     """Return the name of each moment and the pose of every part then: the start, and the end of each step.
 
-    Steps inside a subassembly come before the step that brings it, with its number and a letter (``4b``).
+    Steps inside a subassembly come before the step that brings it, numbered within it (``4.2``).
     """
     poses = {part.name: part.T_world_part for part in assembly.parts}
     steps = [
@@ -70,8 +70,8 @@ def keyframes(plan: AssemblyPlan, assembly: Assembly) -> list[tuple[str, dict[st
         for k, step in enumerate(plan.steps, start=1)
         for label, inner in (
             *(
-                (f"{k}{_letters(j)}", below)
-                for j, below in enumerate(() if step.subassembly is None else step.subassembly.steps)
+                (f"{k}.{j}", below)
+                for j, below in enumerate(() if step.subassembly is None else step.subassembly.steps, start=1)
             ),
             (str(k), step),
         )
@@ -86,10 +86,6 @@ def keyframes(plan: AssemblyPlan, assembly: Assembly) -> list[tuple[str, dict[st
         else:
             out.append((f"{label} {step.part} and {len(step.members) - 1} more", dict(poses)))
     return out
-
-
-def _letters(k: int) -> str:
-    return chr(ord("a") + k) if k < 26 else f"-{k + 1}"
 
 
 def _statistics(root: xml.Element, middle: Float[np.ndarray, "3"], size: float) -> None:
