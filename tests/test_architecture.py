@@ -23,7 +23,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
     {"errors", "files", "reporting"},
-    {"selection"},
+    {"selection", "raster"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
@@ -38,7 +38,8 @@ LEVELS = [
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
-    {"tasks", "notebook"},
+    {"tasks", "exports"},
+    {"notebook"},
     {"commands"},
     {"cli_common"},
     {"serve"},
@@ -49,7 +50,7 @@ LEVELS = [
 """Lowest first; a unit is a module or package right below `sashimono`."""
 
 ROOMS = {
-    "geometry": [{"se3"}, {"mesh"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
+    "geometry": [{"se3"}, {"mesh", "legs"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
     "io": [
         {"raw", "names"},
         {"mending"},
@@ -57,6 +58,7 @@ ROOMS = {
         {"plan_schema"},
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
+        {"plan_input"},
     ],
     "diff": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
     "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],

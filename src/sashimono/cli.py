@@ -78,6 +78,10 @@ Split = Annotated[
     ),
 ]
 JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")]
+PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="a plan.json")]
+PlanInput = Annotated[
+    Path | None, typer.Option("--input", metavar="INPUT", help="the plan's input, where it has moved")
+]
 Seed = Annotated[int, typer.Option(min=0, help="seed of every random choice")]
 
 
@@ -261,10 +265,8 @@ def plan(
 
 @command(app)
 def verify(
-    path: Annotated[Path, typer.Argument(metavar="PLAN", help="a plan.json")],
-    source: Annotated[
-        Path | None, typer.Option("--input", metavar="INPUT", help="the plan's input, where it has moved")
-    ] = None,
+    path: PlanPath,
+    source: PlanInput = None,
 ) -> int:
     """Check a plan against its input, with none of the code that made it; print a line a step."""
     from sashimono.verify import verify_file
@@ -273,6 +275,54 @@ def verify(
     for line in report.lines():
         say(line)
     return OK if report.ok and report.complete else NO_PLAN
+
+
+@command(app)
+def manual(
+    path: PlanPath,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for manual.html and manual.pdf")],
+    language: Annotated[str, typer.Option(metavar="CODE", help="en, de or ja")] = "en",
+    pdf: Annotated[
+        bool | None,
+        typer.Option("--pdf/--no-pdf", help="whether to print the page with an installed Chromium; if there is one"),
+    ] = None,
+    source: PlanInput = None,
+) -> int:
+    """Write work instructions for a plan: a picture a step with its way in words, parts, tools, holds, warnings."""
+    from sashimono.console import progress_display
+    from sashimono.exports import write_instructions
+
+    refuse_unwritable(out)
+    with progress_display() as progress:
+        written = write_instructions(path, out, language=language, pdf=pdf, source=source, progress=progress)
+    for file in written:
+        say(f"written: {file}" if file.suffix == ".pdf" else f"open in a browser: {file.resolve()}")
+    return OK
+
+
+@command(app)
+def export(
+    path: PlanPath,
+    bom: Annotated[Path | None, typer.Option(metavar="FILE", help="the bill of materials, as .csv or .xlsx")] = None,
+    steps: Annotated[Path | None, typer.Option(metavar="FILE", help="a line a step, as .csv or .xlsx")] = None,
+    mjcf: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="a scene for MuJoCo, scene.xml, with a keyframe a step")
+    ] = None,
+    source: PlanInput = None,
+) -> int:
+    """Write tables of a plan, its bill of materials and its steps [mm], or a scene for a simulator."""
+    from sashimono.exports import write_scene, write_tables
+
+    files = {"--bom": bom, "--steps": steps}
+    refuse_bad_files(files)
+    if mjcf is not None:
+        refuse_unwritable(mjcf, option="--mjcf")
+    written = () if mjcf is None else write_scene(path, mjcf, source=source)[:1]
+    if mjcf is None or any(files.values()):
+        written += write_tables(path, files, source=source)
+    for file in written:
+        say(f"written: {file}")
+    return OK
 
 
 @command(app)

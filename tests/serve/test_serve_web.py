@@ -43,7 +43,7 @@ def test_a_file_is_planned_again_with_a_wish_and_removed(client, tmp_path):
     job = made.json()["id"]
     found = wait_for(client, job)
     assert (found["state"], found["runs"]) == ("complete", 1), found
-    assert {"plan.json", "plan.html", "plan.glb"} <= set(found["files"])
+    assert set(found["files"]) == {"plan.json", "plan.html", "plan.glb", "manual.html"}
     page = client.get(f"/jobs/{job}/plan.html")
     assert page.status_code == 200
     assert "sandbox" in page.headers["content-security-policy"]

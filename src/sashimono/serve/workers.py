@@ -95,18 +95,24 @@ class Workers:
             shutil.rmtree(parts, ignore_errors=True)
             source = unpack(folder / job.name, parts, self._limits)
         wanted = arguments(job.options, folder)
-        status, said = self._plan(job, ["plan", str(source), "--out", str(scratch), "--json-lines", *wanted])
+        end = time.monotonic() + self._limits.seconds
+        status, said = self._call(job, ["plan", str(source), "--out", str(scratch), *wanted], end)
         if status not in (_COMPLETE, _NO_PLAN) or not (scratch / "plan.json").is_file():
             shutil.rmtree(scratch, ignore_errors=True)
             return "failed", said.replace(f"{folder}{os.sep}", "") or f"the planner stopped with status {status}"
+        # a plan without its instructions is a plan too
+        plan = ["manual", str(scratch / "plan.json"), "--input", str(source), "--out", str(scratch), "--no-pdf"]
+        instructed, _ = self._call(job, plan, end)
+        if instructed != _COMPLETE:
+            logger.warning("job %s: no work instructions (status %s)", job.id, instructed)
         scratch.rename(out)
         return verdict_of(out)
 
-    def _plan(self, job: Job, command: list[str]) -> tuple[int, str]:
-        """Run the command line; return its status and its last complaint."""
+    def _call(self, job: Job, command: list[str], end: float) -> tuple[int, str]:
+        """Run the command line, until a moment of the clock at most; return its status and its last complaint."""
         start = [sys.executable, "-m", "sashimono.serve_child", str(os.getpid()), str(self._limits.memory)]
         process = subprocess.Popen(
-            [*start, *command],
+            [*start, *command, "--json-lines"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -123,7 +129,7 @@ class Workers:
         if found is None or found.state != "running":  # cancelled before there was a process to stop
             _kill(process)
         late = threading.Event()
-        timer = threading.Timer(self._limits.seconds, lambda: (late.set(), _kill(process)))
+        timer = threading.Timer(max(0.0, end - time.monotonic()), lambda: (late.set(), _kill(process)))
         timer.start()
         try:
             said = self._listen(job, process)

@@ -10,8 +10,8 @@ const STATES = {
   waiting: "waiting", running: "planning", complete: "complete and verified", partial: "partial", failed: "failed",
   cancelled: "cancelled",
 };
-const STAGES = { sequence: "finding the order", motion: "finding motions", contact: "choosing contacts", verify: "checking" };
-const NAMES = { "plan.html": "Open the plan", "plan.glb": "Animation (GLB)", "plan.json": "plan.json" };
+const STAGES = { sequence: "finding the order", motion: "finding motions", contact: "choosing contacts", verify: "checking", pictures: "drawing instructions" };
+const NAMES = { "plan.html": "Open the plan", "manual.html": "Work instructions", "plan.glb": "Animation (GLB)", "plan.json": "plan.json" };
 
 function options() {
   const chosen = Object.fromEntries(new FormData(document.getElementById("options")));
