@@ -11,7 +11,7 @@ from sashimono.assembly import Assembly, Part, Source
 from sashimono.bodies import make_body
 from sashimono.commands import find_gripper, find_grippers
 from sashimono.contact import FINGERTIPS, PRESETS, ContactConfig, choose_contacts, named_gripper
-from sashimono.contact.samples import steady
+from sashimono.contact.samples import steady, steady_pairs
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
 from sashimono.io.plan_json import plan_from_json, plan_to_json
@@ -183,3 +183,18 @@ def test_grippers_by_name_and_by_file(tmp_path):
     path.write_text(json.dumps(fields))
     with pytest.raises(SashimonoError, match="max_opening is missing"):
         find_gripper(str(path))
+
+
+def test_a_thin_wire_on_a_bead_is_held_between_its_small_facets():
+    """Facets of the wire are 0.08 mm wide: a hundredth of the bead would reach beyond them."""
+    bead = trimesh.creation.box([0.02, 0.02, 0.02])
+    wire = trimesh.creation.cylinder(radius=0.0003, height=0.03, sections=24)
+    wire.apply_translation([0.0, 0.0, 0.02])
+    mesh = trimesh.boolean.union([bead, wire])
+    body = make_body(Part(name="probe", vertices_part=mesh.vertices, faces=mesh.faces, T_world_part=np.eye(4)))
+    turn = (np.arange(24) + 0.5) * 2.0 * np.pi / 24
+    outward = np.stack([np.cos(turn), np.sin(turn), np.zeros(24)], axis=1)
+    first = 0.0003 * np.cos(np.pi / 24) * outward + [0.0, 0.0, 0.02]
+    pairs = np.stack([first, np.roll(first, 12, axis=0)], axis=1), np.stack([-outward, outward], axis=1)
+    assert not steady(body, pairs[0][:, 0], pairs[1][:, 0]).any()
+    assert steady_pairs(body, *pairs).all()

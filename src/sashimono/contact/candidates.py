@@ -13,7 +13,7 @@ from sashimono.contact.antipodal import GraspPairs, antipodal_pairs
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.ferrari_canny import ferrari_canny, quality_bound
 from sashimono.contact.gripper import Gripper
-from sashimono.contact.samples import main_lines, sample_contacts, steady
+from sashimono.contact.samples import main_lines, sample_contacts, steady_pairs
 from sashimono.contact.wrenches import contact_wrenches, torsional_friction
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
@@ -144,7 +144,7 @@ def find_candidates(
     samples = sample_contacts(part.vertices_part, part.faces, body, lines, center=center, config=config, rng=rng)
     pairs = antipodal_pairs(samples, body, max_opening=gripper.max_opening, center=center, radius=radius, config=config)
     if off_edges and len(pairs):
-        kept = steady(body, pairs.points.reshape(-1, 3), pairs.normals.reshape(-1, 3)).reshape(-1, 2).all(axis=1)
+        kept = steady_pairs(body, pairs.points, pairs.normals)
         pairs = replace(pairs, points=pairs.points[kept], normals=pairs.normals[kept])
     return GraspCandidates(pairs, gripper=gripper, center=center, radius=radius, lines=lines, config=config)
 

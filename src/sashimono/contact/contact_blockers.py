@@ -134,7 +134,7 @@ class ContactBlockers:
         tips, count = self._grasps.tips(scale), points.shape[1]
         points, normals = np.ascontiguousarray(points.reshape(-1, 3)), normals.reshape(-1, 3)
         hits = self._passage.hits(points - tips.radius * normals, -tips.approach * normals, tips.radius)
-        rows = hits.reshape(-1, count, len(self._weights)).any(axis=1).tolist()
+        rows = np.logical_or.reduce(hits.reshape(-1, count, len(self._weights)), axis=1)
         return [sum(w for w, hit in zip(self._weights, row, strict=True) if hit) for row in rows]
 
 

@@ -86,19 +86,34 @@ def sample_contacts(
     )
 
 
-def steady(body: Body, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+def steady(
+    body: Body,
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    widths: Float[np.ndarray, "n"] | float = np.inf,
+) -> Bool[np.ndarray, "n"]:
     """Return at which points the stated inward normal is the surface's all around the point, within 5°.
 
     False at edges and corners, where a finger has no face to rest on and "the" normal is a matter of rounding. Looked
-    at are the point and four around it, a hundredth of the part's smallest extent away.
+    at are the point and four around it, a hundredth of the part's smallest extent away, or of how wide the part is
+    there [m] if that is less: the facets of a thin wire are small.
     """
-    step = _AROUND * body.smallest_extent
+    step = _AROUND * np.broadcast_to(np.minimum(body.smallest_extent, widths), len(points))[:, None]
     u = unit_across(normals)
     v = np.cross(normals, u)
     around = np.concatenate([points, points + step * u, points - step * u, points + step * v, points - step * v])
-    distances, outward = body.signed_distance.normals(around, 10.0 * step)
+    distances, outward = body.signed_distance.normals(around, 10.0 * float(step.max(initial=0.0)))
     agree = -(outward * np.tile(normals, (5, 1))).sum(axis=1) >= _SAME_NORMAL
-    return (agree & (np.abs(distances) < 0.1 * step)).reshape(5, len(points)).all(axis=0)
+    return (agree & (np.abs(distances) < 0.1 * np.tile(step[:, 0], 5))).reshape(5, len(points)).all(axis=0)
+
+
+def steady_pairs(
+    body: Body, points: Float[np.ndarray, "pair 2 3"], normals: Float[np.ndarray, "pair 2 3"]
+) -> Bool[np.ndarray, "pair"]:
+    """Return of which pairs of opposite points both are `steady`."""
+    widths = np.repeat(np.linalg.norm(points[:, 1] - points[:, 0], axis=1), 2)
+    first, second = steady(body, points.reshape(-1, 3), normals.reshape(-1, 3), widths).reshape(-1, 2).T
+    return first & second
 
 
 def _center_line_hits(

@@ -16,7 +16,7 @@ from sashimono.contact.cone_program import Pushes, least_pushes
 from sashimono.contact.config import ContactConfig
 from sashimono.contact.fingertips import Fingertips, Passage, clear_of_itself, fingertips_for
 from sashimono.contact.push import find_supports, scaled, wanted_wrench
-from sashimono.contact.samples import main_lines, sample_contacts, steady
+from sashimono.contact.samples import main_lines, sample_contacts, steady, steady_pairs
 from sashimono.geometry.body import Body
 from sashimono.geometry.mesh import measures
 from sashimono.motion.scene import Obstacle
@@ -107,7 +107,7 @@ def find_tip_grasps(part: Part, body: Body, *, config: ContactConfig, rng: np.ra
     samples = sample_contacts(part.vertices_part, part.faces, body, lines, center=center, config=sampling, rng=rng)
     pairs = antipodal_pairs(samples, body, max_opening=np.inf, center=center, radius=radius, config=config)
     if len(pairs):
-        kept = steady(body, pairs.points.reshape(-1, 3), pairs.normals.reshape(-1, 3)).reshape(-1, 2).all(axis=1)
+        kept = steady_pairs(body, pairs.points, pairs.normals)
         pairs = replace(pairs, points=pairs.points[kept], normals=pairs.normals[kept])
     return TipGrasps(body, pairs, center=center, radius=radius, lines=lines, config=config)
 

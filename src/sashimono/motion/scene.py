@@ -106,7 +106,14 @@ class Scene:
 
     def slab_gaps(self, T: Float[np.ndarray, "4 4"]) -> tuple[Float[np.ndarray, "obstacle"], float]:
         """Return lower bounds of the gap to each obstacle (negative: slabs overlap), and the gap to the table [m]."""
-        low, high = self.moving.support(T, self._directions)
+        return self._gaps(*self.moving.support(T, self._directions), np.zeros(3))
+
+    def _gaps(
+        self, low: Float[np.ndarray, "direction"], high: Float[np.ndarray, "direction"], shift: Float[np.ndarray, "3"]
+    ) -> tuple[Float[np.ndarray, "obstacle"], float]:
+        """The same for the part's extents along the directions, shifted."""
+        along = self._directions @ shift
+        low, high = low + along, high + along
         gaps = np.maximum(low - self._high, self._low - high).max(axis=1)
         return gaps, float(low[0] - self.table.offset)
 
@@ -171,19 +178,30 @@ class Scene:
         remembered = np.full(len(self.obstacles), -np.inf)
         moved, last, lowest, distances = 0.0, np.inf, np.inf, 0
         step = 0.0
+        # on a straight way the extents only shift, and nothing is nearer to the table than at one of its ends
+        spans = None if twist[3:].any() else self.moving.support(T_a, self._directions)
+        table_limits = table and spans is None
+        if table and spans is not None:
+            lowest = self.slab_gaps(_along(T_a, twist, 1.0))[1]
+            if lowest < self.clearance:
+                return _blocked("table", lowest, 1, distances)
         for poses in range(1, self._max_checks + 1):
             T = _along(T_a, twist, moved / length)
-            slabs, table_gap = self.slab_gaps(T)
+            slabs, table_gap = self.slab_gaps(T) if spans is None else self._gaps(*spans, T[:3, 3] - T_a[:3, 3])
             gaps = np.maximum(slabs, remembered)
-            for k in np.flatnonzero(gaps < near).tolist():
+            nearest = table_gap if table_limits else np.inf
+            for k in np.argsort(gaps, kind="stable").tolist():
+                if gaps[k] >= min(near, nearest):
+                    break  # it is no nearer than what limits the step
                 gaps[k] = remembered[k] = self.distance(T, k)
                 distances += 1
                 if gaps[k] < self.clearance:
-                    return _blocked(self.obstacles[k].body.name, gaps[k], poses, distances)
+                    return _blocked(self.obstacles[k].body.name, float(gaps[k]), poses, distances)
+                nearest = min(nearest, gaps[k])
             if table and table_gap < self.clearance:
                 return _blocked("table", table_gap, poses, distances)
-            gap = min(float(gaps.min(initial=np.inf)), table_gap if table else np.inf)
-            lowest = min(lowest, gap, (last + gap - step) / 2.0)
+            gap = min(float(gaps.min(initial=np.inf)), table_gap if table_limits else np.inf)
+            lowest = min(lowest, gap, (last + gap - step) / 2.0, table_gap if table else np.inf)
             if moved == length:
                 return EdgeCheck(free=True, min_gap=lowest, blocked_by=None, poses=poses, distances=distances)
             step = min(gap - self.clearance / 2.0, length - moved)
