@@ -38,6 +38,7 @@ from sashimono.commands import (
     INTERRUPTED,
     NO_PLAN,
     OK,
+    PLAN_FILES,
     SPLITS,
     plan_and_write,
     read_constraints,
@@ -161,7 +162,7 @@ def demo(
     seed: Seed = 0,
 ) -> int:
     """Plan the shipped example, a gearbox of 16 parts, and name the HTML page that shows it."""
-    refuse_unwritable(out)
+    refuse_unwritable(out, files=PLAN_FILES)
     with as_file(files("sashimono") / "examples" / "gearbox.step") as example:
         return plan_and_write(example, out, unit=None, seed=seed, copy_input=True)
 
@@ -244,7 +245,7 @@ def plan(
     wishes = read_constraints(constraints, base=base, up=up, before=before or (), exclude=exclude or ())
     if method == "physics" and (wishes.base is not None or wishes.before):
         raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
-    refuse_unwritable(out)
+    refuse_unwritable(out, files=PLAN_FILES)
     options = {
         "method": method,
         "device": device,

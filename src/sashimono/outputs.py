@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
@@ -58,8 +58,11 @@ def _fail_to_write(error: OSError) -> NoReturn:
     raise SashimonoError(f"cannot write {where}: {error.strerror}. Choose another folder.") from error
 
 
-def refuse_unwritable(out: Path, option: str = "--out") -> None:
-    """Raise SashimonoError before any work if the folder cannot be made or written."""
+def refuse_unwritable(out: Path, option: str = "--out", *, files: Sequence[str] = ()) -> None:
+    """Raise SashimonoError before any work if the folder, or one of these files in it, cannot be made or written."""
+    for name in files:
+        if _is_folder(out / name):
+            raise SashimonoError(f"{option} {out}: {out / name} is a folder. Choose another {option}.")
     try:
         if out.exists() and not out.is_dir():
             raise SashimonoError(f"{option} {out} is a file. Name a folder.")

@@ -142,6 +142,8 @@ def _read_raw(path: Path, unit: str | None, config: ReadConfig) -> RawAssembly:
             f"{path}: {suffix or 'a file without suffix'} is not supported; give {', '.join(SCENE_SUFFIXES)}"
             f" or a folder of {', '.join(meshes.SUFFIXES)}"
         )
+    if not path.is_file():  # a pipe or a device may never end
+        raise InputError(f"{path}: neither a file nor a folder; give one")
     data = path.read_bytes()
     if not data:
         raise InputError(f"{path}: the file is empty; export it again")
