@@ -114,6 +114,6 @@ def test_a_loaded_plan_has_its_geometry_and_saves_pages(tmp_path: Path) -> None:
     assert "<script" in loaded.save_html(tmp_path / "plan.html").read_text(encoding="utf-8")
     assert loaded.save_glb(tmp_path / "plan.glb").read_bytes().startswith(b"glTF")
     assert "Step 2" in loaded.save_manual(tmp_path / "manual.html").read_text(encoding="utf-8")
-    (tmp_path / "parts" / "over.obj").unlink()
+    (tmp_path / "parts" / "over.obj").rename(tmp_path / "parts" / "other.obj")
     with pytest.raises(sashimono.SashimonoError, match="has no part 'over'"):
         sashimono.load_plan(tmp_path / "plan.json")
