@@ -19,9 +19,9 @@ from PIL import Image
 from sashimono.d4pas import clouds, states
 from sashimono.d4pas.dataset import Blueprint, load
 from sashimono.d4pas.exploded import explosion
-from sashimono.d4pas.palette import to_linear
 from sashimono.d4pas.render import RenderConfig, render
 from sashimono.d4pas.sheets import SheetConfig, entry_of, order_picture
+from sashimono.raster.colors import to_linear
 
 PLACED, RIGHT, LEADS_NOWHERE, NOT_YET = np.array(
     [[0.76, 0.78, 0.81], [0.36, 0.70, 0.44], [0.93, 0.62, 0.25], [0.83, 0.36, 0.36]]

@@ -24,8 +24,9 @@ DIGITS = 9
 """Significant digits: linear algebra differs in the last of sixteen between types of processors."""
 TINY = 1e-12
 """Numbers below are rounding [m, rad, 1]."""
-LEFT_OUT = {"timings", "sashimono_version", "config", "source", "mesh_distances"}
-"""Seconds, what says nothing of the plan, and a count of queries, which a last digit may change by one."""
+LEFT_OUT = {"timings", "sashimono_version", "config", "source", "mesh_distances", "direction", "length", "turns"}
+"""Seconds, what says nothing of the plan, a count of queries, which a last digit may change by one, and what follows
+from the path."""
 
 
 def plan_hash(plan: AssemblyPlan) -> str:

@@ -22,30 +22,35 @@ PACKAGE = REPOSITORY / "src" / "sashimono"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 LEVELS = [
-    {"errors", "files"},
-    {"selection"},
+    {"errors", "files", "reporting"},
+    {"selection", "raster"},
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
     {"stability", "fasteners"},
+    {"doctor"},
     {"disassembly"},
     {"motion"},
     {"contact"},
     {"tree"},
     {"verify", "view"},
-    {"d4pas"},
+    {"d4pas", "diff"},
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
-    {"tasks", "notebook"},
+    {"tasks", "exports"},
+    {"notebook"},
     {"commands"},
-    {"cli_dataset", "cli_learning"},
+    {"cli_common"},
+    {"serve"},
+    {"cli_dataset", "cli_learning", "cli_serve"},
     {"cli"},
+    {"serve_child"},
 ]
 """Lowest first; a unit is a module or package right below `sashimono`."""
 
 ROOMS = {
-    "geometry": [{"se3"}, {"mesh"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
+    "geometry": [{"se3"}, {"mesh", "legs"}, {"distance"}, {"body"}, {"overlap"}, {"features"}],
     "io": [
         {"raw", "names"},
         {"mending"},
@@ -53,7 +58,11 @@ ROOMS = {
         {"plan_schema"},
         {"checks", "plan_json", "resting_file", "constraints_file"},
         {"read"},
+        {"plan_input"},
     ],
+    "diff": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
+    "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
+    "serve": [{"limits"}, {"upload", "options", "jobs"}, {"workers"}, {"web"}, {"server"}],
     "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence", "bonds"}, {"report"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},

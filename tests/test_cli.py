@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,9 @@ import pytest
 
 from sashimono import __version__
 from sashimono.cli import BAD_INPUT, INTERRUPTED, NO_PLAN, OK, run
+from sashimono.cli_common import GRIPPERS, UNITS
+
+COMMANDS = ("demo", "plan", "verify", "conditions", "fasteners", "explain", "train", "evaluate", "infer")
 
 CUBE = """
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
@@ -64,10 +68,10 @@ def plan_with_status(status: str, calls: dict[str, Any]) -> Any:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "Missing command"),
-        (["assemble"], "No such command 'assemble'"),
-        (["plan"], "Missing argument 'INPUT'"),
-        (["plan", "in.step"], "Missing option '--out'"),
+        (["assemble"], "No such command 'assemble'. Try 'sashimono --help'"),
+        (["plan"], "Missing argument 'INPUT'. Try 'sashimono plan --help'"),
+        (["dataset", "mke"], "Did you mean 'make'? Try 'sashimono dataset --help'"),
+        (["plan", "in.step"], "Missing option '-o' / '--out'"),
         (["plan", "in.step", "--out", "o", "--seed", "one"], "--seed"),
         (["plan", "in.step", "--out", "o", "--seed", "-1"], "--seed"),
         (["plan", "in.step", "--out", "o", "--wrong"], "No such option"),
@@ -107,14 +111,103 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--version"]) == OK
     assert capsys.readouterr().out == f"sashimono {__version__}\n"
     for arguments in (
+        [],
         ["--help"],
-        ["plan", "--help"],
-        ["demo", "--help"],
-        ["verify", "--help"],
-        ["conditions", "--help"],
+        ["-h"],
+        ["dataset"],
+        ["dataset", "make", "-h"],
+        *([name, "-h"] for name in COMMANDS),
     ):
         assert run(arguments) == OK
-        assert "Usage: sashimono" in capsys.readouterr().out
+        captured = capsys.readouterr()
+        assert "Usage: sashimono" in captured.out
+        assert captured.err == ""
+
+
+def test_help_names_the_grippers(capsys: pytest.CaptureFixture[str]) -> None:
+    from sashimono.contact import REAL_TOOLS
+
+    assert (*GRIPPERS, "vacuum-cup") == REAL_TOOLS
+    assert run(["plan", "--help"]) == OK
+    words = capsys.readouterr().out.split()
+    assert {f"{name}," for name in GRIPPERS[1:]} <= set(words)
+
+
+def test_units_are_those_of_the_reader() -> None:
+    from sashimono.io.raw import METRES
+
+    assert tuple(METRES) == UNITS
+
+
+def test_quiet_says_nothing(two_boxes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (
+        ["plan", str(two_boxes), "-o", str(tmp_path / "out"), "-q"],
+        ["-q", "conditions", str(two_boxes)],
+    ):
+        assert run(arguments) == OK
+        assert capsys.readouterr() == ("", "")
+    assert run(["-q", "verify", str(tmp_path / "none.json")]) == BAD_INPUT
+    assert "none.json" in one_line(capsys.readouterr().err)
+
+
+def test_json_lines(two_boxes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert run(["plan", str(two_boxes), "-o", str(out), "--json-lines"]) == OK
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    events = [json.loads(line) for line in captured.out.splitlines()]
+    assert {"event": "progress", "stage": "contact", "done": 2, "total": 2} in events
+    assert events[-2] == {
+        "event": "plan",
+        "status": "complete",
+        "executable": True,
+        "files": [str(out / f"plan.{kind}") for kind in ("json", "html", "glb")],
+    }
+    assert events[-1] == {"event": "exit", "status": OK}
+    assert run(["--json-lines", "verify", "absent.json"]) == BAD_INPUT
+    captured = capsys.readouterr()
+    assert [json.loads(line)["event"] for line in captured.out.splitlines()] == ["error", "exit"]
+    assert "absent.json" in one_line(captured.err)
+
+
+def test_verbose_stands_on_either_side(capsys: pytest.CaptureFixture[str]) -> None:
+    import logging
+
+    for arguments, level in (
+        (["verify", "absent.json", "-v"], logging.INFO),
+        (["-v", "verify", "absent.json", "-v"], logging.DEBUG),
+        (["verify", "absent.json"], logging.WARNING),
+        (["verify", "absent.json", "-q"], logging.ERROR),
+    ):
+        assert run(arguments) == BAD_INPUT
+        assert logging.getLogger("sashimono").level == level
+    capsys.readouterr()
+
+
+def test_the_shell_completes_values() -> None:
+    completed = subprocess.run(
+        [sys.executable, "-m", "sashimono"],
+        env=os.environ
+        | {
+            "_SASHIMONO_COMPLETE": "complete_bash",
+            "COMP_WORDS": "sashimono plan in.step --gripper robotiq",
+            "COMP_CWORD": "4",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert completed.stdout.split() == ["robotiq-hand-e", "robotiq-2f85"]
+
+
+def test_a_wrong_unit_is_warned_about(two_boxes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plan", str(two_boxes), "-o", str(tmp_path / "out")]) == OK
+    captured = capsys.readouterr()
+    assert captured.out.splitlines()[0] == "2 parts, 40 × 40 × 30 mm, from coordinates in mm"
+    assert "check the unit" not in captured.err
+    assert run(["conditions", str(two_boxes), "--unit", "m"]) == OK
+    assert run(["plan", str(two_boxes), "-o", str(tmp_path / "out"), "--unit", "m"]) == OK
+    assert "check the unit, 'm' was used (it would be 40 × 40 × 30 mm in mm or" in capsys.readouterr().err
 
 
 def test_plan_then_verify(two_boxes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

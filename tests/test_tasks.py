@@ -93,3 +93,27 @@ def test_a_notebook_shows_tables_and_pages() -> None:
 
 def test_types_are_shipped() -> None:
     assert (Path(sashimono.__file__).parent / "py.typed").is_file()
+
+
+def test_a_loaded_plan_has_its_geometry_and_saves_pages(tmp_path: Path) -> None:
+    parts = assembled(under=box((0.01, 0.01, 0.01)), over=box((0.01, 0.01, 0.01), (0.0, 0.0, 0.01)))
+    (tmp_path / "parts").mkdir()
+    for each in parts.parts:
+        lines = [f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in 1e3 * each.vertices_world]
+        lines += [f"f {a} {b} {c}" for a, b, c in each.faces + 1]
+        (tmp_path / "parts" / f"{each.name}.obj").write_text("\n".join(lines))
+    plan = sashimono.plan_assembly(sashimono.read_assembly(tmp_path / "parts", unit="mm"))
+    sashimono.write_plan(plan, tmp_path / "plan.json")
+    loaded = sashimono.load_plan(tmp_path / "plan.json")
+    step = loaded.steps[-1]
+    assert step.direction is not None
+    assert (step.direction**2).sum() == pytest.approx(1.0)
+    assert step.length > 0.0
+    assert step.turns == 0.0
+    assert loaded._repr_html_().startswith("<iframe srcdoc=")
+    assert "<script" in loaded.save_html(tmp_path / "plan.html").read_text(encoding="utf-8")
+    assert loaded.save_glb(tmp_path / "plan.glb").read_bytes().startswith(b"glTF")
+    assert "Step 2" in loaded.save_manual(tmp_path / "manual.html").read_text(encoding="utf-8")
+    (tmp_path / "parts" / "over.obj").rename(tmp_path / "parts" / "other.obj")
+    with pytest.raises(sashimono.SashimonoError, match="has no part 'over'"):
+        sashimono.load_plan(tmp_path / "plan.json")

@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from sashimono.io.raw import ReadConfig
     from sashimono.io.read import read_assembly
     from sashimono.motion import MotionConfig, RRTConfig, plan_motions, rrt_connect, stable_poses
-    from sashimono.notebook import show
+    from sashimono.notebook import LoadedPlan, load_plan, show
     from sashimono.pipeline import PipelineConfig, plan_assembly
     from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, MotionClass, Step, Unsolved
     from sashimono.tasks import explain, find_conditions, make_cascade, read_gripper, write_results
     from sashimono.verify import VerifyConfig, VerifyReport, verify_file, verify_plan
     from sashimono.view import write_explanation, write_glb, write_html
+    from sashimono.view.manual import write_manual
 
 __version__ = "0.1.0"
 
@@ -37,6 +38,7 @@ _HOMES = {
     "Explanation": "sashimono.disassembly.explanation.explain",
     "Gripper": "sashimono.contact",
     "InputError": "sashimono.errors",
+    "LoadedPlan": "sashimono.notebook",
     "Motion": "sashimono.plan",
     "MotionClass": "sashimono.plan",
     "MotionConfig": "sashimono.motion",
@@ -61,6 +63,7 @@ _HOMES = {
     "find_conditions": "sashimono.tasks",
     "find_precedence": "sashimono.disassembly.conditions.orders",
     "iterate_orders": "sashimono.disassembly.conditions.orders",
+    "load_plan": "sashimono.notebook",
     "make_cascade": "sashimono.tasks",
     "named_gripper": "sashimono.contact",
     "plan_assembly": "sashimono.pipeline",
@@ -76,6 +79,7 @@ _HOMES = {
     "write_explanation": "sashimono.view",
     "write_glb": "sashimono.view",
     "write_html": "sashimono.view",
+    "write_manual": "sashimono.view.manual",
     "write_plan": "sashimono.io.plan_json",
     "write_results": "sashimono.tasks",
 }
@@ -90,6 +94,7 @@ __all__ = [
     "Explanation",
     "Gripper",
     "InputError",
+    "LoadedPlan",
     "Motion",
     "MotionClass",
     "MotionConfig",
@@ -115,6 +120,7 @@ __all__ = [
     "find_conditions",
     "find_precedence",
     "iterate_orders",
+    "load_plan",
     "make_cascade",
     "named_gripper",
     "plan_assembly",
@@ -130,6 +136,7 @@ __all__ = [
     "write_explanation",
     "write_glb",
     "write_html",
+    "write_manual",
     "write_plan",
     "write_results",
 ]

@@ -1,13 +1,12 @@
-"""The command line: ``sashimono demo | plan | verify | conditions | fasteners | explain``.
+"""The command line: ``sashimono demo | plan | verify | conditions | fasteners | explain | doctor | diff``.
 
-Exit status: 0 complete and verified; 2 bad usage or bad input, with one line on standard error;
-3 no complete plan (a partial one is written, with reasons); 130 interrupted. The planner is imported
-inside the commands, so that help and usage errors come at once.
+Exit status: 0 complete and verified; 1 differs, or something stands in the way (diff, doctor); 2 bad usage or bad
+input, with one line on standard error; 3 no complete plan (a partial one is written, with reasons); 130 interrupted.
+The planner is imported inside the commands, so that help and usage errors come at once.
 """
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -18,35 +17,71 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from sashimono import __version__
+from sashimono.cli_common import (
+    GRIPPERS,
+    METHODS,
+    UNITS,
+    JsonLines,
+    Quiet,
+    Verbose,
+    choices,
+    command,
+    listen,
+    make_app,
+)
 from sashimono.cli_dataset import dataset_app
 from sashimono.cli_learning import learning_app
-from sashimono.commands import BAD_INPUT, INTERRUPTED, NO_PLAN, OK, plan_and_write, read_constraints, reading_options
+from sashimono.cli_serve import serve_app
+from sashimono.commands import (
+    BAD_INPUT,
+    DIFFERS,
+    INTERRUPTED,
+    NO_PLAN,
+    OK,
+    PLAN_FILES,
+    SPLITS,
+    plan_and_write,
+    read_constraints,
+    reading_options,
+)
 from sashimono.errors import SashimonoError
 from sashimono.outputs import refuse_bad_files, refuse_unwritable, replacing_together, write_json
+from sashimono.reporting import event, fresh_reporting, say
 
 if TYPE_CHECKING:
     from sashimono.assembly import Assembly
 
-METHODS = ("cascade", "physics", "past")
-"""What ``--method`` takes in this version."""
-
-app = typer.Typer(
-    name="sashimono",
-    help="Plan how a robot assembles a product: sequence, motion and contact.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
+app = make_app(name="sashimono", help="Plan how a robot assembles a product: sequence, motion and contact.")
 
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(learning_app)
+app.add_typer(serve_app)
+
+_NAMED = ", ".join(GRIPPERS)
 
 InputPath = Annotated[
     Path, typer.Argument(metavar="INPUT", help=".step/.stp, a folder of .obj/.stl/.ply in place, .glb/.gltf or .3mf")
 ]
-Unit = Annotated[str | None, typer.Option(metavar="UNIT", help="unit of INPUT where its format has none: mm, m, ...")]
+OutFolder = Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for plan.json, .html and .glb")]
+Unit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="UNIT",
+        autocompletion=choices(*UNITS),
+        help=f"unit of INPUT where its format has none: {', '.join(UNITS)}",
+    ),
+]
 Split = Annotated[
-    str, typer.Option(help="parts of several solids: apart where solids lie apart (auto), all apart (all), or none")
+    str,
+    typer.Option(
+        autocompletion=choices(*SPLITS),
+        help="parts of several solids: apart where solids lie apart (auto), all apart (all), or none",
+    ),
+]
+JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")]
+PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="a plan.json")]
+PlanInput = Annotated[
+    Path | None, typer.Option("--input", metavar="INPUT", help="the plan's input, where it has moved")
 ]
 Seed = Annotated[int, typer.Option(min=0, help="seed of every random choice")]
 
@@ -66,21 +101,39 @@ def main() -> None:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run the command line on these arguments and return the exit status."""
+    """Run the command line on these arguments and return the exit status. Bare, it shows its help."""
+    with fresh_reporting():
+        status = _status_of(list(arguments) or ["--help"])
+        event("exit", status=status)
+    return status
+
+
+def _status_of(arguments: list[str]) -> int:
     try:
-        status = app(list(arguments), prog_name="sashimono", standalone_mode=False)
+        status = app(arguments, prog_name="sashimono", standalone_mode=False)
     except SashimonoError as error:
         return _complain(str(error))
     except typer.TyperException as error:  # wrong command, option or value
         message = getattr(error, "format_message", error.__str__)()
-        return _complain(f"{message.rstrip('.')}. Try 'sashimono --help'.")
+        context = getattr(error, "ctx", None)
+        if context is not None and message.startswith("Missing command"):
+            say(context.get_help())
+            return OK
+        asked = "sashimono" if context is None else context.command_path
+        return _complain(
+            f"{message.replace('?.', '?').rstrip('.')}{'' if '?' in message else '.'} Try '{asked} --help'."
+        )
+    except MemoryError:
+        return _complain("the input needs more memory than there is. Leave parts out, or make their meshes coarser.")
     if status == INTERRUPTED:
         typer.echo("interrupted, nothing written", err=True)
     return status or OK
 
 
 def _complain(message: str) -> int:
-    typer.echo(f"sashimono: {' '.join(message.split())}", err=True)
+    line = " ".join(message.split())
+    typer.echo(f"sashimono: {line}", err=True)
+    event("error", text=line)
     return BAD_INPUT
 
 
@@ -93,36 +146,40 @@ def _print_version(asked: bool) -> bool:
 
 @app.callback()
 def _options(
-    verbose: Annotated[int, typer.Option("-v", "--verbose", count=True, help="say more; twice for everything")] = 0,
+    verbose: Verbose = 0,
+    quiet: Quiet = False,
+    json_lines: JsonLines = False,
     _version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and exit")
     ] = False,
 ) -> None:
-    level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
-    logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s", level=logging.WARNING)
-    logging.getLogger("sashimono").setLevel(level)
+    listen(verbose=verbose, quiet=quiet, json_lines=json_lines)
 
 
-@app.command()
+@command(app)
 def demo(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder to write into")] = Path("sashimono_demo"),
+    out: OutFolder = Path("sashimono_demo"),
     seed: Seed = 0,
 ) -> int:
     """Plan the shipped example, a gearbox of 16 parts, and name the HTML page that shows it."""
-    refuse_unwritable(out)
+    refuse_unwritable(out, files=PLAN_FILES)
     with as_file(files("sashimono") / "examples" / "gearbox.step") as example:
         return plan_and_write(example, out, unit=None, seed=seed, copy_input=True)
 
 
-@app.command()
+@command(app)
 def plan(
     source: InputPath,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for plan.json, plan.html and plan.glb")],
+    out: OutFolder,
     unit: Unit = None,
     split: Split = "auto",
     seed: Seed = 0,
     method: Annotated[
-        str, typer.Option(help="how removals are found: cascade, physics (Algorithm 1), or past (learned)")
+        str,
+        typer.Option(
+            autocompletion=choices(*METHODS),
+            help="how removals are found: cascade, physics (Algorithm 1), or past (learned)",
+        ),
     ] = "cascade",
     device: Annotated[
         str | None,
@@ -132,12 +189,17 @@ def plan(
         str,
         typer.Option(
             metavar="NAME",
-            help="what holds the parts: fingertips, a gripper's name, a .json file, or auto: jaws in proportion",
+            autocompletion=choices("fingertips", "auto", *GRIPPERS),
+            help=f"what holds the parts: fingertips, a gripper ({_NAMED}), a .json file, or auto: jaws in proportion",
         ),
     ] = "fingertips",
     grippers: Annotated[
         str,
-        typer.Option(metavar="NAMES", help="say of each step which of these grippers can do it: all, none, or names"),
+        typer.Option(
+            metavar="NAMES",
+            autocompletion=choices("all", "none", *GRIPPERS, "vacuum-cup"),
+            help=f"say of each step which of these can do it: all, none, or some ({_NAMED}, vacuum-cup)",
+        ),
     ] = "none",
     contacts: Annotated[bool, typer.Option("--contacts/--no-contacts", help="whether to choose grasps")] = True,
     motion: Annotated[
@@ -188,7 +250,7 @@ def plan(
         raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
     if method != "cascade" and explain_order:
         raise SashimonoError(f"--explain-order is for --method cascade: with {method}, no orders are compared.")
-    refuse_unwritable(out)
+    refuse_unwritable(out, files=PLAN_FILES)
     options = {
         "method": method,
         "device": device,
@@ -208,26 +270,72 @@ def plan(
     return plan_and_write(source, out, **options)
 
 
-@app.command()
+@command(app)
 def verify(
-    path: Annotated[Path, typer.Argument(metavar="PLAN", help="a plan.json")],
-    source: Annotated[
-        Path | None, typer.Option("--input", metavar="INPUT", help="the plan's input, where it has moved")
-    ] = None,
+    path: PlanPath,
+    source: PlanInput = None,
 ) -> int:
     """Check a plan against its input, with none of the code that made it; print a line a step."""
     from sashimono.verify import verify_file
 
     report = verify_file(path, source)
     for line in report.lines():
-        typer.echo(line)
+        say(line)
     return OK if report.ok and report.complete else NO_PLAN
 
 
-@app.command()
+@command(app)
+def manual(
+    path: PlanPath,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for manual.html and manual.pdf")],
+    language: Annotated[str, typer.Option(metavar="CODE", help="en, de or ja")] = "en",
+    pdf: Annotated[
+        bool | None,
+        typer.Option("--pdf/--no-pdf", help="whether to print the page with an installed Chromium; if there is one"),
+    ] = None,
+    source: PlanInput = None,
+) -> int:
+    """Write work instructions for a plan: a picture a step with its way in words, parts, tools, holds, warnings."""
+    from sashimono.console import progress_display
+    from sashimono.exports import write_instructions
+
+    refuse_unwritable(out)
+    with progress_display() as progress:
+        written = write_instructions(path, out, language=language, pdf=pdf, source=source, progress=progress)
+    for file in written:
+        say(f"written: {file}" if file.suffix == ".pdf" else f"open in a browser: {file.resolve()}")
+    return OK
+
+
+@command(app)
+def export(
+    path: PlanPath,
+    bom: Annotated[Path | None, typer.Option(metavar="FILE", help="the bill of materials, as .csv or .xlsx")] = None,
+    steps: Annotated[Path | None, typer.Option(metavar="FILE", help="a line a step, as .csv or .xlsx")] = None,
+    mjcf: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="a scene for MuJoCo, scene.xml, with a keyframe a step")
+    ] = None,
+    source: PlanInput = None,
+) -> int:
+    """Write tables of a plan, its bill of materials and its steps [mm], or a scene for a simulator."""
+    from sashimono.exports import write_scene, write_tables
+
+    files = {"--bom": bom, "--steps": steps}
+    refuse_bad_files(files)
+    if mjcf is not None:
+        refuse_unwritable(mjcf, option="--mjcf")
+    written = () if mjcf is None else write_scene(path, mjcf, source=source)[:1]
+    if mjcf is None or any(files.values()):
+        written += write_tables(path, files, source=source)
+    for file in written:
+        say(f"written: {file}")
+    return OK
+
+
+@command(app)
 def conditions(
     source: InputPath,
-    json_file: Annotated[Path, typer.Option("--json", metavar="FILE", help="file to write")],
+    json_file: JsonFile = None,
     graph_file: Annotated[
         Path | None, typer.Option("--graph", metavar="FILE", help="also write the AND/OR graph of subassemblies")
     ] = None,
@@ -255,23 +363,28 @@ def conditions(
     added = added_as_dict(found, precedence(assembly, find_fasteners(assembly)))
     if added["precedence"]:
         written["fasteners"] = added
-    write_json(json_file, written)
+    if json_file is not None:
+        write_json(json_file, written)
     if graph_file is not None:
         write_json(graph_file, and_or_graph(found).as_dict())
     names = ", ".join(str(path) for path in targets.values() if path is not None)
-    typer.echo(f"{len(assembly)} parts, orders: {_orders_in_words(written)}; written: {names}")
+    say(f"{len(assembly)} parts, orders: {_orders_in_words(written)}{f'; written: {names}' if names else ''}")
+    for before, after in cast("list[list[str]]", written["precedence"]):
+        say(f"  {before} before {after}")
+    if stuck := cast("list[str]", written["stuck"]):
+        say(f"never come apart: {', '.join(stuck)}")
     pairs = cast("list[list[str]]", added["precedence"])
     if pairs:
-        typer.echo(f"with fasteners, {len(pairs)} precedences more: orders: {_orders_in_words(written | added)}")
+        say(f"with fasteners, {len(pairs)} precedences more: orders: {_orders_in_words(written | added)}")
         for before, after in pairs:
-            typer.echo(f"  {before} before {after}")
+            say(f"  {before} before {after}")
     return OK
 
 
-@app.command()
+@command(app)
 def fasteners(
     source: InputPath,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")] = None,
+    json_file: JsonFile = None,
     unit: Unit = None,
     split: Split = "auto",
 ) -> int:
@@ -284,8 +397,8 @@ def fasteners(
     assembly = read_assembly(source, unit=unit, config=reading_options(split))
     found = find_fasteners(assembly)
     for line in fastener_lines(found):
-        typer.echo(line)
-    typer.echo(f"{len(assembly)} parts, {len(found)} fasteners")
+        say(line)
+    say(f"{len(assembly)} parts, {len(found)} fasteners")
     if json_file is not None:
         write_json(json_file, fasteners_as_dict(found))
     return OK
@@ -299,14 +412,75 @@ def _orders_in_words(written: Mapping[str, object]) -> str:
     return f"at least {written['orders']}" if written["orders"] else "none found"
 
 
-@app.command()
+@command(app)
+def doctor(
+    source: InputPath,
+    json_file: JsonFile = None,
+    html_file: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="show it in 3D, in one page")] = None,
+    unit: Unit = None,
+    split: Split = "auto",
+    exclude: Annotated[
+        list[str] | None, typer.Option(metavar="PART", help="leave a part out; repeatable; a name or a pattern")
+    ] = None,
+) -> int:
+    """Look at INPUT before it is planned: size and unit, open parts, overlaps, what floats, hides, is there twice.
+
+    Exit status 0 if nothing stands in the way of a plan, 1 if something does.
+    """
+    from dataclasses import replace
+
+    from sashimono.doctor import diagnosis_as_dict, diagnosis_lines, examine
+    from sashimono.io.read import inspect_assembly
+
+    refuse_bad_files({"--json": json_file, "--html": html_file})
+    options = replace(reading_options(split), exclude=tuple(exclude or ()))
+    found = examine(inspect_assembly(source, unit=unit, config=options))
+    for line in diagnosis_lines(found):
+        say(line)
+    if json_file is not None:
+        write_json(json_file, diagnosis_as_dict(found))
+    if html_file is not None:
+        from sashimono.view import write_diagnosis
+
+        with replacing_together(html_file.parent) as folder:
+            write_diagnosis(found, folder / html_file.name)
+        say(f"open in a browser: {html_file.resolve()}")
+    return OK if found.ok else DIFFERS
+
+
+@command(app)
+def diff(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="before: a plan.json, or what 'plan' takes")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="after: likewise")],
+    json_file: JsonFile = None,
+    unit: Unit = None,
+) -> int:
+    """Say what changed between two revisions or plans, and whether the old plan still works.
+
+    Exit status 0 if nothing changed, 1 if something did, 3 if the old plan does not work any more.
+    """
+    from sashimono.diff import compare, read_side, revision_as_dict, revision_lines
+
+    refuse_bad_files({"--json": json_file})
+    before = read_side(old, unit=unit)
+    found = compare(before, read_side(new, unit=unit, like=before))
+    for line in revision_lines(found):
+        say(line)
+    if json_file is not None:
+        write_json(json_file, revision_as_dict(found))
+    if found.holds is False:
+        return NO_PLAN
+    return OK if found.same else DIFFERS
+
+
+@command(app)
 def explain(
     source: InputPath,
     part: Annotated[str | None, typer.Option(metavar="NAME", help="the part; if not given, all that are stuck")] = None,
     fixed: Annotated[
         str | None, typer.Option(metavar="NAMES", help="the parts that stay, separated by commas; else all others")
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="write it as JSON too")] = None,
+    json_file: JsonFile = None,
     html_file: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="show it in 3D, in one page")] = None,
     unit: Unit = None,
     split: Split = "auto",
@@ -329,15 +503,15 @@ def explain(
         raise SashimonoError(f"--part: {tasks.no_such_part(part, assembly)}")
     found = tasks.explain(assembly, part, staying, seed=seed)
     for line in (line for entry in found for line in explanation_lines(entry)):
-        typer.echo(line)
+        say(line)
     if not found:
-        typer.echo("every part can leave" + ("" if staying is None else " these fixed ones"))
+        say("every part can leave" + ("" if staying is None else " these fixed ones"))
     if json_file is not None:
         write_json(json_file, explanations_as_dict(found))
     if html_file is not None:
         with replacing_together(html_file.parent) as folder:
             write_explanation(found, assembly, folder / html_file.name)
-        typer.echo(f"open in a browser: {html_file.resolve()}")
+        say(f"open in a browser: {html_file.resolve()}")
     return OK if all(entry.answer is Answer.FREE for entry in found) else NO_PLAN
 
 

@@ -11,21 +11,23 @@ from typing import Annotated
 
 import typer
 
+from sashimono.cli_common import command, make_app
 from sashimono.commands import INTERRUPTED, NO_PLAN, OK, plan_and_write
 from sashimono.errors import SashimonoError
 from sashimono.outputs import refuse_bad_files, refuse_unwritable, write_json
+from sashimono.reporting import event, reporting, say
 
-dataset_app = typer.Typer(help="Make and look at D4PAS, the dataset of assemblies with exact labels.")
+dataset_app = make_app(help="Make and look at D4PAS, the dataset of assemblies with exact labels.")
 
 DatasetPath = Annotated[
     str, typer.Option("--from", metavar="DATASET", help="a dataset's folder, or v1: the shipped one")
 ]
 
 
-@dataset_app.command()
+@command(dataset_app)
 def make(
     recipe: Annotated[str, typer.Argument(metavar="RECIPE", help="v1, tiny, a TOML file, or a folder of assemblies")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder to write into")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder to write into")],
     workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes; 1 if not given")] = None,
     limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="only the first N blueprints")] = None,
     ray: Annotated[
@@ -50,15 +52,15 @@ def make(
     except KeyboardInterrupt:
         typer.echo("interrupted; the same command goes on from here", err=True)
         return INTERRUPTED
-    typer.echo(
+    say(
         f"{made.blueprints} blueprints, {made.sequences} sequences, {made.failures} failed (failures.parquet);"
         f" content hash {made.content_hash[:16]}"
     )
-    typer.echo(f"written: {out}")
+    say(f"written: {out}")
     return OK if made.blueprints else NO_PLAN
 
 
-@dataset_app.command()
+@command(dataset_app)
 def stats(
     dataset: Annotated[
         str, typer.Argument(metavar="DATASET", help="a dataset's folder, or v1: the shipped one")
@@ -77,27 +79,27 @@ def stats(
     data = load(dataset)
     found = summary(data)
     for line in summary_lines(found):
-        typer.echo(line)
+        say(line)
     gaps = nearest_neighbours(data)
     for split, values in gaps.items():
         words = ", ".join(f"{name} {value:.3f}" for name, value in values.items())
-        typer.echo(f"distance to the nearest training blueprint, {split}: {words}")
+        say(f"distance to the nearest training blueprint, {split}: {words}")
     written = {"summary": found, "nearest_neighbours": gaps}
     if not quick:
         with _progress("blueprints measured") as progress:
             rows = by_family(data, most=most, progress=lambda done, total: progress(done, total, 0))
         for line in family_lines(rows):
-            typer.echo(line)
+            say(line)
         written["families"] = rows
     if json_file is not None:
         write_json(json_file, written)
     return OK
 
 
-@dataset_app.command()
+@command(dataset_app)
 def show(
     blueprint: Annotated[str, typer.Argument(metavar="ID", help="a blueprint's id")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for the plan and its page")] = Path(
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for the plan and its page")] = Path(
         "sashimono_blueprint"
     ),
     dataset: DatasetPath = "v1",
@@ -113,10 +115,10 @@ def show(
     found = load(dataset)[blueprint]
     orders = "not counted" if found.orders is None else f"{found.orders} orders"
     proven = "proven complete" if found.complete else "maybe not all"
-    typer.echo(f"{found.id}: {len(found)} parts, {orders}, conditions {proven}, split {found.split}")
+    say(f"{found.id}: {len(found)} parts, {orders}, conditions {proven}, split {found.split}")
     for name, clauses in zip(found.parts, found.masks, strict=True):
         words = [", ".join(n for k, n in enumerate(found.parts) if clause >> k & 1) for clause in clauses]
-        typer.echo(f"  {name} {'can leave at once' if '' in words else 'leaves after ' + ', or after '.join(words)}")
+        say(f"  {name} {'can leave at once' if '' in words else 'leaves after ' + ', or after '.join(words)}")
     parts = out / "parts"
     if parts.is_dir() and any(parts.iterdir()):
         with tempfile.TemporaryDirectory() as folder:
@@ -128,10 +130,10 @@ def show(
     return plan_and_write(parts, out, unit="mm", seed=seed)
 
 
-@dataset_app.command()
+@command(dataset_app)
 def export(
     blueprint: Annotated[str, typer.Argument(metavar="ID", help="a blueprint's id")],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder to write into")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder to write into")],
     dataset: DatasetPath = "v1",
 ) -> int:
     """Write a blueprint's parts, one OBJ each, in place, in millimetres."""
@@ -140,11 +142,11 @@ def export(
 
     refuse_unwritable(out)
     files = export_obj(load(dataset)[blueprint].assembly(), out)
-    typer.echo(f"written: {len(files)} files in {out}")
+    say(f"written: {len(files)} files in {out}")
     return OK
 
 
-@dataset_app.command()
+@command(dataset_app)
 def check(
     dataset: Annotated[
         str, typer.Argument(metavar="DATASET", help="a dataset's folder, or v1: the shipped one")
@@ -162,8 +164,8 @@ def check(
             data, sample=sample or None, seed=seed, progress=lambda count, total: progress(count, total, 0)
         )
     for problem in done.problems:
-        typer.echo(problem)
-    typer.echo(
+        say(problem)
+    say(
         f"{done.blueprints} blueprints, {done.motions} motions, {done.contacts} contacts:"
         f" {len(done.problems) or 'no'} problem{'s' if len(done.problems) != 1 else ''}"
     )
@@ -172,11 +174,15 @@ def check(
 
 @contextmanager
 def _progress(what: str) -> Iterator[Callable[[int, int, int], None]]:
-    """Yield a callback for (done, total, failed): a bar on a terminal, else a line every half minute."""
+    """Yield a callback for (done, total, failed): a bar on a terminal, else a line every half minute, or JSON."""
     start, first, last = time.monotonic(), [-1], [time.monotonic()]
-    show_bar = sys.stderr.isatty()
+    wanted = reporting()
+    show_bar = sys.stderr.isatty() and not (wanted.quiet or wanted.json_lines)
 
     def update(done: int, total: int, failed: int) -> None:
+        event("progress", stage=what, done=done, total=total, failed=failed)
+        if wanted.quiet or wanted.json_lines:
+            return
         now = time.monotonic()
         if first[0] < 0:
             first[0] = done

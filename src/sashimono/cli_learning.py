@@ -8,11 +8,13 @@ from typing import Annotated
 
 import typer
 
+from sashimono.cli_common import command, make_app
 from sashimono.commands import OK, reading_options
 from sashimono.errors import SashimonoError
 from sashimono.outputs import refuse_bad_files, refuse_unwritable, replacing_together
+from sashimono.reporting import say
 
-learning_app = typer.Typer()
+learning_app = make_app()
 
 Data = Annotated[str, typer.Option("--data", metavar="DATASET", help="a dataset's folder, or v1: the shipped one")]
 Device = Annotated[str | None, typer.Option(metavar="NAME", help="cpu, cuda, cuda:0; a GPU if there is one")]
@@ -20,10 +22,13 @@ Cache = Annotated[Path | None, typer.Option(metavar="DIR", help="folder for the 
 Workers = Annotated[int, typer.Option(min=1, metavar="N", help="processes that sample clouds")]
 
 
-@learning_app.command()
+@command(learning_app)
 def train(
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="folder for checkpoint, log and weights; gone on from if it has any")
+        Path,
+        typer.Option(
+            "-o", "--out", metavar="DIR", help="folder for checkpoint, log and weights; gone on from if it has any"
+        ),
     ],
     config: Annotated[
         str | None, typer.Argument(metavar="CONFIG", help="a shipped configuration, or a .toml file")
@@ -57,18 +62,18 @@ def train(
         if minutes is None:
             raise SashimonoError("--campaign needs to know its time. Give --minutes N.")
         return campaign_command(
-            campaign, minutes, out, data=data, work=work, start=start, device=device, workers=workers, say=typer.echo
+            campaign, minutes, out, data=data, work=work, start=start, device=device, workers=workers, say=say
         )
     assert config is not None
     return train_command(
         config, out, data=data, steps=steps, minutes=minutes, seed=seed, start=start, cache=cache, device=device,
-        workers=workers, say=typer.echo,
+        workers=workers, say=say,
     )  # fmt: skip
 
 
-@learning_app.command()
+@command(learning_app)
 def evaluate(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="folder for a JSON file a model")],
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="DIR", help="folder for a JSON file a model")],
     models: Annotated[
         list[Path] | None, typer.Argument(metavar="WEIGHTS...", help="weights.npz files of trained models")
     ] = None,
@@ -95,11 +100,11 @@ def evaluate(
             raise SashimonoError(f"{path}: no such file. Name the weights.npz that training wrote.")
     return evaluate_command(
         models or [], out, data=data, splits=tuple(split or ["test"]), limit=limit, ata=ata, cache=cache,
-        device=device, workers=workers, say=typer.echo,
+        device=device, workers=workers, say=say,
     )  # fmt: skip
 
 
-@learning_app.command()
+@command(learning_app)
 def infer(
     source: Annotated[
         Path, typer.Argument(metavar="INPUT", help="what 'plan' takes, or a folder of .ply points in place")
@@ -131,8 +136,8 @@ def infer(
     for number, step in enumerate(found.steps, 1):
         other = step.runner_up
         beside = "" if other is None else f"  before {other} {step.probabilities[other]:.2f}"
-        typer.echo(f"{number:4d} {step.chosen:<{width}} {step.probabilities[step.chosen]:.2f}{beside}")
-    typer.echo(f"{found.sequence_milliseconds:.0f} ms; written: {json_file}")
+        say(f"{number:4d} {step.chosen:<{width}} {step.probabilities[step.chosen]:.2f}{beside}")
+    say(f"{found.sequence_milliseconds:.0f} ms; written: {json_file}")
     return OK
 
 

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
-import typer
-
 from sashimono.errors import SashimonoError
+from sashimono.reporting import event, note, say
 
 if TYPE_CHECKING:
+    from sashimono.assembly import Assembly
     from sashimono.contact import Gripper
     from sashimono.io.constraints_file import Wishes
     from sashimono.io.raw import ReadConfig
 
-OK, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 2, 3, 130
-"""Exit status."""
+OK, DIFFERS, BAD_INPUT, NO_PLAN, INTERRUPTED = 0, 1, 2, 3, 130
+"""Exit status. `DIFFERS` is also the doctor's, if something stands in the way."""
+
+PLAN_FILES = ("plan.json", "plan.html", "plan.glb", "constraints.toml")
+"""What is written for a plan."""
 
 SPLITS = ("auto", "all", "none")
 """What ``--split`` takes."""
@@ -81,12 +85,11 @@ def plan_and_write(
     waiting = None if resting is None else read_resting_poses(resting)
     wishes = wishes or Wishes()
     assembly = read_assembly(source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude))
-    for note in assembly.notes:
-        typer.echo(f"note: {note}", err=True)
     sequence = SequenceConfig(constraints=OrderConstraints(base=wishes.base, before=wishes.before))
     if wishes.up is not None:
         sequence = replace(sequence, up=wishes.up)
-    with progress_display() as progress:
+    with progress_display() as display:
+        progress = _after(partial(_introduce, assembly), display)
         config = PipelineConfig(
             method=cast("Literal['cascade', 'physics', 'past']", method),
             algorithm1=Algorithm1Config(device=device),
@@ -102,10 +105,37 @@ def plan_and_write(
         found = plan_assembly(assembly, config=config, seed=seed, resting=waiting, progress=progress)
     written = write_results(found, assembly, out, copied=source if copy_input else None, wishes=wishes)
     for line in summary_lines(found, assembly):
-        typer.echo(line)
-    typer.echo(f"written: {', '.join(str(path) for path in written if path.suffix != '.html')}")
-    typer.echo(f"open in a browser: {(out / 'plan.html').resolve()}")
+        say(line)
+    say(f"written: {', '.join(str(path) for path in written if path.suffix != '.html')}")
+    say(f"open in a browser: {(out / 'plan.html').resolve()}")
+    event("plan", status=found.status, executable=found.executable, files=[str(path) for path in written])
     return OK if found.status == "complete" else NO_PLAN
+
+
+def _introduce(assembly: Assembly) -> None:
+    """Say what is planned, and what is to be noted of it."""
+    from sashimono.assembly import size_words
+
+    for remark in assembly.notes:
+        note(remark)
+    say(f"{len(assembly)} parts, {size_words(assembly.bounds_world)}, from coordinates in {unit_of(assembly)}")
+
+
+def _after(introduce: Callable[[], None], progress: Callable[[str, int, int], None]) -> Callable[[str, int, int], None]:
+    """Return a progress callback that introduces the work when it begins: once all that was asked for is known good."""
+    waiting = [introduce]
+
+    def update(stage: str, done: int, total: int) -> None:
+        if waiting:
+            waiting.pop()()
+        progress(stage, done, total)
+
+    return update
+
+
+def unit_of(assembly: Assembly) -> str:
+    """Return the unit in which an assembly's file was read."""
+    return "m" if assembly.source is None else assembly.source.unit
 
 
 def read_constraints(

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from sashimono.assembly import Assembly, few_words
 from sashimono.plan import AssemblyPlan, DeclaredHelix, OrderCost, Step, Unsolved
+from sashimono.reporting import event, reporting
 
 MAX_OVERLAPS = 5
 """Pairs named in the summary."""
@@ -24,8 +25,12 @@ REASON_WIDTH = 80
 def progress_display() -> Iterator[Callable[[str, int, int], None]]:
     """Yield a callback for (stage, done, total): bars on a terminal, one line a finished stage otherwise.
 
-    Both go to standard error.
+    Both go to standard error. If JSON lines are asked for, there is an object each time, on standard output.
     """
+    wanted = reporting()
+    if wanted.quiet or wanted.json_lines:
+        yield lambda stage, done, total: event("progress", stage=stage, done=done, total=total)
+        return
     if not sys.stderr.isatty():
         yield _line_progress
         return

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import html
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from sashimono.assembly import Assembly, Source
+from sashimono.exports import read_plan_and_input
 from sashimono.plan import AssemblyPlan, Motion, Step
 from sashimono.view.config import ViewConfig
-from sashimono.view.html import SCRIPTS, render_html, render_page
+from sashimono.view.glb import write_glb
+from sashimono.view.html import SCRIPTS, render_html, render_page, write_html
+from sashimono.view.manual import write_manual
 from sashimono.view.scene import ViewerScene, make_scene
 
 
@@ -64,3 +68,48 @@ def _in_place(assembly: Assembly) -> AssemblyPlan:
         identical=assembly.identical,
         notes=assembly.notes,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadedPlan:
+    """A plan together with the geometry of its parts. A notebook shows it in 3D."""
+
+    plan: AssemblyPlan
+    assembly: Assembly
+
+    def __repr__(self) -> str:
+        return f"LoadedPlan({self.plan!r})"
+
+    def _repr_html_(self) -> str:
+        return show(self.assembly, self.plan)._repr_html_()
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The plan's steps, base part first."""
+        return self.plan.steps
+
+    def save_html(self, path: str | Path) -> Path:
+        """Write the viewer page, and return its path; see `write_html`."""
+        return write_html(self.plan, self.assembly, path)
+
+    def save_glb(self, path: str | Path) -> Path:
+        """Write the animated glTF file, and return its path; see `write_glb`."""
+        return write_glb(self.plan, self.assembly, path)
+
+    def save_manual(self, path: str | Path, *, language: str = "en") -> Path:
+        """Write the work instructions as a page, and return its path; see `write_manual`."""
+        return write_manual(self.plan, self.assembly, path, language=language)
+
+
+def load_plan(path: str | Path, source: str | Path | None = None) -> LoadedPlan:
+    """Return a plan.json and the geometry of its parts, read again from the plan's input.
+
+    Args:
+        path: The plan.json.
+        source: The plan's input, where it has moved.
+
+    Raises PlanFormatError for a broken plan, InputError where its input is missing, and SashimonoError where that has
+    other parts.
+    """
+    plan, assembly = read_plan_and_input(Path(path), None if source is None else Path(source))
+    return LoadedPlan(plan=plan, assembly=assembly)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
@@ -24,7 +24,7 @@ def refuse_bad_files(targets: Mapping[str, Path | None]) -> None:
     for option, path in targets.items():
         if path is None:
             continue
-        if path.is_dir():
+        if _is_folder(path):
             raise SashimonoError(f"{option} {path} is a folder. Name a file.")
         refuse_unwritable(path.parent, option=option)
 
@@ -58,10 +58,24 @@ def _fail_to_write(error: OSError) -> NoReturn:
     raise SashimonoError(f"cannot write {where}: {error.strerror}. Choose another folder.") from error
 
 
-def refuse_unwritable(out: Path, option: str = "--out") -> None:
-    """Raise SashimonoError before any work if the folder cannot be made or written."""
-    if out.exists() and not out.is_dir():
-        raise SashimonoError(f"{option} {out} is a file. Name a folder.")
-    existing = next(parent for parent in (out.absolute(), *out.absolute().parents) if parent.exists())
-    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-        raise SashimonoError(f"{option} {out}: {existing} is not a folder that can be written to. Choose another.")
+def refuse_unwritable(out: Path, option: str = "--out", *, files: Sequence[str] = ()) -> None:
+    """Raise SashimonoError before any work if the folder, or one of these files in it, cannot be made or written."""
+    for name in files:
+        if _is_folder(out / name):
+            raise SashimonoError(f"{option} {out}: {out / name} is a folder. Choose another {option}.")
+    try:
+        if out.exists() and not out.is_dir():
+            raise SashimonoError(f"{option} {out} is a file. Name a folder.")
+        existing = next(parent for parent in (out.absolute(), *out.absolute().parents) if parent.exists())
+        with tempfile.TemporaryFile(dir=existing):  # the rights alone do not tell: a disk may be full or read-only
+            pass
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise SashimonoError(f"{option} {out}: cannot be written to ({reason}). Choose another folder.") from error
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):  # a name that no file can have: `refuse_unwritable` says so
+        return False

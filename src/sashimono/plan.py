@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ from jaxtyping import Float
 
 from sashimono.assembly import Overlap, Source, few_words, frozen_array, html_table
 from sashimono.geometry import se3
+from sashimono.geometry.legs import Leg, main_leg, path_legs
 
 
 class Answer(StrEnum):
@@ -192,6 +194,36 @@ class Step:
     def moves(self) -> bool:
         """Whether it brings its part: the base, and what stands with it from the beginning, have one pose."""
         return len(self.motion.T_world_part) > 1
+
+    @cached_property
+    def insertion(self) -> tuple[Leg, ...]:
+        """The legs of the way in: what follows the transit, straight stretches and screws; none if nothing moves."""
+        inside = [segment for segment in self.motion.segments if segment.kind == "insertion"]
+        if not inside:
+            return ()
+        return path_legs(self.motion.T_world_part[inside[0].start : inside[-1].stop + 1])
+
+    @property
+    def direction(self) -> Float[np.ndarray, "3"] | None:
+        """Unit direction of the way in, world frame; None where there is none.
+
+        It is that of the last leg that travels at least a tenth of the way; of a turn in place, its axis.
+        """
+        leg = main_leg(self.insertion)
+        return None if leg is None else leg.direction
+
+    @property
+    def length(self) -> float:
+        """Travel along the legs of the way in, all together [m]."""
+        return sum(leg.length for leg in self.insertion)
+
+    @property
+    def turns(self) -> float:
+        """Whole turns on the way in, right-hand rule about `direction`: clockwise, seen along it, is positive."""
+        way = self.direction
+        if way is None:
+            return 0.0
+        return sum(leg.turns if leg.direction @ way >= 0.0 else -leg.turns for leg in self.insertion)
 
     @property
     def members(self) -> tuple[str, ...]:

@@ -13,9 +13,10 @@ import solids
 
 from sashimono.assembly import Assembly
 from sashimono.d4pas.exploded import explosion
-from sashimono.d4pas.palette import order_colors, to_linear, to_srgb
+from sashimono.d4pas.palette import order_colors
 from sashimono.d4pas.render import RenderConfig, render
 from sashimono.d4pas.sheets import Entry, SheetConfig, contact_sheet
+from sashimono.raster.colors import to_linear, to_srgb
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SMALL = RenderConfig(width=120, height=100)

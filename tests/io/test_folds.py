@@ -32,5 +32,5 @@ def test_a_fold_is_counted_and_a_sharp_edge_is_not() -> None:
 def test_the_note_names_the_part() -> None:
     vertices, faces = folded_box()
     raw = RawPart(name="tab", vertices=vertices, faces=faces, T_world_part=np.eye(4), where="tab")
-    _, notes = close_parts([raw], source="tab", repair=True, config=ReadConfig())
+    notes = close_parts([raw], repair=True, config=ReadConfig()).notes
     assert any(note.startswith("tab: folded onto itself") for note in notes)

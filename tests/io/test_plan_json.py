@@ -327,3 +327,18 @@ def test_files_that_are_no_plan(tmp_path: Any, text: str) -> None:
         read_plan(path)
     with pytest.raises(PlanFormatError, match=r"missing\.json"):
         read_plan(tmp_path / "missing.json")
+
+
+def test_steps_say_their_way_in_and_older_plans_need_not() -> None:
+    from view.view_example import stacked_blocks
+
+    plan, _ = stacked_blocks()
+    document = json.loads(plan_to_json(plan))
+    assert "direction" not in document["steps"][0]
+    step = document["steps"][1]
+    assert step["direction"] == pytest.approx([0.0, 0.0, -1.0])
+    assert (step["length"], step["turns"]) == (pytest.approx(0.05), 0.0)
+    for old in document["steps"][1:]:
+        for name in ("direction", "length", "turns"):
+            del old[name]
+    assert plan_from_json(json.dumps(document)).steps[1].length == pytest.approx(0.05)

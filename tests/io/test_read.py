@@ -131,7 +131,9 @@ def test_unit_scales_and_is_not_remarked_on(tmp_path):
 
 def test_implausible_size_is_noted(tmp_path):
     assert any("check the unit" in n for n in read_assembly(two_boxes(tmp_path), unit="um").notes)
-    assert any("check the unit" in n for n in read_assembly(tmp_path, unit="ft", config=ReadConfig(largest=1.0)).notes)
+    assert any(
+        "check the unit" in n for n in read_assembly(tmp_path, unit="ft", config=ReadConfig(likely=(0.0, 1.0))).notes
+    )
 
 
 def test_obj_polygons_negative_indices_and_material(tmp_path):

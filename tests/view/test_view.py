@@ -7,6 +7,7 @@ import json
 import os
 import re
 import struct
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from view_example import HOSTILE_NAMES, NAMES, box, paired_blocks, stacked_block
 
 from sashimono.assembly import Part
 from sashimono.geometry import se3
-from sashimono.plan import Motion, Segment
+from sashimono.plan import Motion, Segment, Table
 from sashimono.view import ViewConfig, write_glb, write_html
 from sashimono.view.appearance import linear_rgb, srgb_hex
 from sashimono.view.display_mesh import make_display_mesh
@@ -29,6 +30,7 @@ from sashimono.view.explode import explosion_offsets
 from sashimono.view.glb import render_glb
 from sashimono.view.html import render_html
 from sashimono.view.keyframes import make_keyframes, rotation_between
+from sashimono.view.lookout import step_lookouts
 from sashimono.view.playback import played_steps
 from sashimono.view.scene import make_scene, pack_octahedral
 from sashimono.view.shapes import fit_rigid, make_shapes
@@ -325,3 +327,24 @@ def test_same_plan_same_bytes() -> None:
 def test_colours_survive_the_way_to_linear_and_back(value: int) -> None:
     color = f"#{value:06x}"
     assert srgb_hex(linear_rgb(color)) == color
+
+
+def test_each_step_is_seen_from_above_its_table_and_its_way_is_told_from_there() -> None:
+    plan, assembly = paired_blocks()
+    pair = plan.steps[-1]
+    assert pair.subassembly is not None
+    # the inside is put together upside down
+    below = replace(pair.subassembly, table=Table(normal=np.array([0.0, 0.0, -1.0]), offset=-0.1))
+    plan = replace(plan, steps=(*plan.steps[:-1], replace(pair, subassembly=below)))
+    played = played_steps(plan, assembly, ViewConfig())
+    lookouts = step_lookouts(plan, played, assembly)
+    assert [found is None for found in lookouts] == [not entry.step.moves for entry in played]
+    for found in lookouts:
+        if found is not None:
+            assert np.linalg.norm(found.toward) == pytest.approx(1.0)
+            assert found.toward[2] > 0.1
+            assert set(found.hiding) <= set(assembly.names)
+    steps = {step["label"]: step for step in make_scene(plan, assembly, ViewConfig()).json["steps"]}
+    assert steps["2"]["way"].startswith("down")
+    assert steps["3.2"]["way"].startswith("up")  # on its bench the same way is turned over
+    assert steps["1"]["look"] is None

@@ -7,6 +7,7 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -155,6 +156,132 @@ def test_exploded_view_moves_only_what_is_drawn(complete: Any) -> None:
     complete.evaluate("sashimono.setView({explode: 0, xray: true, table: false, contacts: false})")
     assert complete.errors == []
     complete.evaluate("sashimono.setView({xray: false, table: true, contacts: true})")
+
+
+def click(page: Any, x: float, y: float) -> None:
+    """Press and release the mouse at a place of the page [pixels]."""
+    for kind in ("mousePressed", "mouseReleased"):
+        page.send("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+    page.screenshot()
+
+
+def test_a_click_chooses_a_part_and_goes_to_its_step(complete: Any) -> None:
+    plan, _ = stacked_blocks()
+    complete.evaluate("sashimono.choose(null); sashimono.setTime(sashimono.duration)")
+    complete.screenshot()
+    top = plan.parts["block_3"][:3, 3] + [0.0, 0.0, 0.0101]
+    click(complete, *complete.evaluate(f"sashimono.pixelOf({top.tolist()})"))
+    assert complete.evaluate("sashimono.chosen") == "block_3"
+    assert complete.evaluate("sashimono.time") == pytest.approx(complete.evaluate("sashimono.steps[3].start"))
+    assert complete.evaluate("location.hash") == "#step=4"
+    buttons = "[...document.querySelectorAll('#choice button')]"
+    complete.evaluate(f"{buttons}.find((button) => button.textContent === 'Alone').click()")
+    complete.screenshot()
+    names = ("block_0", "block_1", "block_2", "block_3")
+    assert [complete.evaluate(f"sashimono.isShown('{name}')") for name in names] == [False, False, False, True]
+    complete.press("Escape", "Escape")
+    assert complete.evaluate("sashimono.chosen") is None
+    complete.evaluate("sashimono.choose('block_1')")
+    complete.press("h", "KeyH")
+    assert [complete.evaluate(f"sashimono.isShown('{name}')") for name in names] == [True, False, True, True]
+    complete.evaluate(f"{buttons}.find((button) => button.textContent === 'Show all').click()")
+    assert complete.evaluate("sashimono.isShown('block_1')") is True
+    assert complete.errors == []
+
+
+def test_an_address_names_a_step(complete: Any) -> None:
+    complete.evaluate("location.hash = '#step=3'")
+    complete.screenshot()
+    assert complete.evaluate("sashimono.time") == pytest.approx(complete.evaluate("sashimono.steps[2].start"))
+    complete.evaluate("location.hash = '#step=99'")
+    complete.screenshot()
+    assert complete.evaluate("sashimono.time") == pytest.approx(complete.evaluate("sashimono.steps[2].start"))
+    assert complete.errors == []
+
+
+def test_every_control_has_a_name_and_its_own_keys(complete: Any) -> None:
+    complete.send("Accessibility.enable")
+    nodes = complete.send("Accessibility.getFullAXTree")["nodes"]
+    controls = [
+        node
+        for node in nodes
+        if node.get("role", {}).get("value") in ("button", "slider", "combobox", "DisclosureTriangle")
+    ]
+    assert len(controls) > 10
+    assert [node["role"]["value"] for node in controls if not node.get("name", {}).get("value")] == []
+    complete.evaluate("sashimono.pause(); sashimono.setTime(0); document.querySelector('#bar select').focus()")
+    for key, code in ((" ", "Space"), ("ArrowRight", "ArrowRight"), ("f", "KeyF")):
+        complete.press(key, code)
+    assert complete.evaluate("sashimono.playing") is False
+    assert complete.evaluate("sashimono.time") == 0.0
+    complete.evaluate("document.activeElement.blur()")
+    assert complete.evaluate("document.querySelector('.play').getAttribute('aria-label')").startswith("Play")
+    complete.evaluate("sashimono.play()")
+    complete.screenshot()
+    assert complete.evaluate("document.querySelector('.play').getAttribute('aria-label')").startswith("Pause")
+    complete.evaluate("sashimono.pause()")
+
+
+def test_following_looks_at_each_step(complete: Any) -> None:
+    plan, _ = stacked_blocks()
+    complete.evaluate("sashimono.setView({follow: true})")
+    for k, step in enumerate(plan.steps[1:], start=1):
+        complete.evaluate(f"sashimono.setTime(sashimono.steps[{k}].stop)")
+        place = plan.parts[step.part][:3, 3].tolist()
+        x, y = complete.evaluate(f"sashimono.pixelOf({place})")
+        width, height = complete.evaluate(
+            "[document.querySelector('#stage').clientWidth, document.querySelector('#stage').clientHeight]"
+        )
+        assert 0.2 * width < x < 0.8 * width
+        assert 0.1 * height < y < 0.9 * height
+    # while it plays, the camera goes to the next step's place by and by
+    complete.evaluate("sashimono.setTime(sashimono.steps[1].stop - 0.05); sashimono.play()")
+    before = complete.evaluate("sashimono.pixelOf([0, 0, 0])")
+    complete.evaluate("new Promise((done) => setTimeout(done, 900))")
+    complete.screenshot()
+    assert complete.evaluate("sashimono.pixelOf([0, 0, 0])") != before
+    complete.evaluate("sashimono.pause(); sashimono.setView({follow: false})")
+    assert complete.errors == []
+
+
+def test_usable_at_the_width_of_a_phone(complete: Any) -> None:
+    size = {"deviceScaleFactor": 1, "mobile": False}
+    complete.send("Emulation.setDeviceMetricsOverride", width=390, height=780, **size)
+    try:
+        complete.screenshot()
+        assert complete.evaluate("document.documentElement.scrollWidth") <= 390
+        outside = complete.evaluate(
+            "[...document.querySelectorAll('#tools > *, #bar button, #bar select, #bar input, .row')]"
+            ".filter((node) => { const box = node.getBoundingClientRect();"
+            " return box.left < 0 || box.right > innerWidth + 1; }).length"
+        )
+        assert outside == 0
+        smallest = complete.evaluate(
+            "Math.min(...[...document.querySelectorAll('#bar button')].map((n) => n.getBoundingClientRect().height))"
+        )
+        assert smallest >= 38
+        assert complete.evaluate("document.querySelector('#stage').clientHeight") > 250
+    finally:
+        complete.send("Emulation.setDeviceMetricsOverride", width=700, height=450, **size)
+
+
+def test_words_and_lengths_are_a_readers(browser: Any, complete: Any, tmp_path: Path) -> None:
+    names = tuple(f"a_rather_long_name_of_a_block_{k}" for k in range(4))
+    plan, assembly = stacked_blocks(names)
+    motion = replace(plan.steps[1].motion, evidence={"max_penetration": 4.85e-18, "tolerance": 1e-4})
+    plan = replace(plan, steps=(plan.steps[0], replace(plan.steps[1], motion=motion), *plan.steps[2:]))
+    browser.open(write_html(plan, assembly, tmp_path / "plan.html"))
+    browser.screenshot()
+    said = browser.evaluate("document.getElementById('side').textContent")
+    assert "goes in down 50 mm" in said
+    assert "no grasp: no antipodal pair is free" in said
+    assert "overlap 0 mm of 0.1 mm allowed" in said
+    for wrong in ("→", "no contact", "e-"):
+        assert wrong not in said
+    # where there is no room a long name is cut before its end, which tells it from its like
+    tails = browser.evaluate("[...document.querySelectorAll('.row .name .tail')].map((node) => node.textContent)")
+    assert tails == ["ck_0", "ck_1", "ck_2", "ck_3"]
+    assert browser.errors == []
 
 
 def test_a_subassembly_is_put_together_and_moves_as_one(browser: Any, complete: Any, tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.raster.colors import to_linear, to_srgb
+
 STOPS = ("#3f6fb0", "#3f9fb5", "#5cb88f", "#c9c35e", "#eda24a", "#dd5f57")
 """From first to last."""
 
@@ -37,17 +39,6 @@ def ramp(places: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
     at = np.linspace(0.0, 1.0, len(STOPS))
     mixed = np.stack([np.interp(places, at, lab[:, k]) for k in range(3)], axis=1)
     return np.clip(((mixed @ np.linalg.inv(_TO_LAB).T) ** 3) @ np.linalg.inv(_TO_LMS).T, 0.0, 1.0)
-
-
-def to_linear(srgb: Float[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
-    """Return linear RGB of sRGB, both in [0, 1]."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def to_srgb(linear: Float[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
-    """Return sRGB of linear RGB, both in [0, 1]."""
-    c = np.clip(linear, 0.0, 1.0)
-    return np.where(c <= 0.0031308, 12.92 * c, 1.055 * c ** (1 / 2.4) - 0.055)
 
 
 def to_bytes(linear: Float[np.ndarray, "3"]) -> tuple[int, int, int]:

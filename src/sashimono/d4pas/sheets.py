@@ -15,10 +15,11 @@ from scipy.spatial.transform import Rotation
 from sashimono.assembly import Assembly
 from sashimono.d4pas.dataset import Blueprint
 from sashimono.d4pas.exploded import explosion, ways_out
-from sashimono.d4pas.palette import order_colors, ramp, to_bytes, to_srgb
+from sashimono.d4pas.palette import order_colors, ramp, to_bytes
 from sashimono.d4pas.recipe import ROTATION
 from sashimono.d4pas.render import Picture, RenderConfig, render
 from sashimono.errors import SashimonoError
+from sashimono.raster.colors import to_srgb
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw

@@ -2,26 +2,73 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
+from jaxtyping import Float
 from manifold3d import Manifold
 
-from sashimono.assembly import Overlap, Part
+from sashimono.assembly import Overlap, Part, size_words
 from sashimono.errors import InputError
 from sashimono.geometry.mesh.solid import to_manifold
 from sashimono.io.mending.folds import count_folded
 from sashimono.io.mending.mend import Surface, close_surface
-from sashimono.io.raw import RawPart, ReadConfig
+from sashimono.io.raw import METRES, RawPart, ReadConfig
 
 
-def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadConfig) -> tuple[list[Part], list[str]]:
-    """Return the parts with closed, outward surfaces, and notes on what was mended.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BrokenPart:
+    """A part whose surface cannot be closed."""
 
-    Raises one InputError that names every part that cannot be closed.
-    """
+    raw: RawPart
+    problem: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClosedParts:
+    """What came of closing the surfaces of all parts."""
+
+    parts: tuple[Part, ...]
+    """Those that are closed, outward surfaces."""
+    mended: Mapping[str, tuple[str, ...]]
+    """What was changed, by name of the part."""
+    folded: Mapping[str, int]
+    """How many triangles at least lie back to back with a neighbour, by name of the part."""
+    broken: tuple[BrokenPart, ...]
+    """Those that cannot be closed."""
+
+    @property
+    def notes(self) -> list[str]:
+        """One line for each part that was mended, and one for each that is folded."""
+        lines = []
+        for part in self.parts:
+            if part.name in self.mended:
+                lines.append(f"{part.name}: {', '.join(self.mended[part.name])}")
+            if (count := self.folded.get(part.name, 0)) > 0:
+                lines.append(
+                    f"{part.name}: folded onto itself at {count} triangles or more; depths near them are unsure"
+                )
+        return lines
+
+    def refuse_broken(self, source: str, *, repair: bool) -> None:
+        """Raise one InputError that names every part that cannot be closed, if there is any."""
+        if self.broken:
+            raise InputError(_refusal([(each.raw, each.problem) for each in self.broken], source, repair))
+
+
+def folded_words(count: int) -> str:
+    """Return what it means that so many triangles of a part lie back to back."""
+    return f"folded onto itself at {count} triangles or more; depths near them are unsure"
+
+
+def close_parts(raw: Sequence[RawPart], *, repair: bool, config: ReadConfig) -> ClosedParts:
+    """Return the parts with closed, outward surfaces, what was mended, and those that cannot be closed."""
     done: dict[int, Surface | str] = {}
     parts: list[Part] = []
-    notes: list[str] = []
-    broken: list[tuple[RawPart, str]] = []
+    mended: dict[str, tuple[str, ...]] = {}
+    folds: dict[str, int] = {}
+    broken: list[BrokenPart] = []
     for part in raw:
         result = done.get(part.shape) if part.shape is not None else None
         if result is None:
@@ -29,18 +76,17 @@ def close_parts(raw: list[RawPart], *, source: str, repair: bool, config: ReadCo
             if part.shape is not None:
                 done[part.shape] = result
         if isinstance(result, str):
-            broken.append((part, result))
+            broken.append(BrokenPart(raw=part, problem=result))
             continue
         parts.append(Part(
             name=part.name, vertices_part=result.vertices, faces=result.faces, T_world_part=part.T_world_part,
             color=part.color,
         ))  # fmt: skip
-        notes += [f"{part.name}: {', '.join(result.mended)}"] if result.mended else []
+        if result.mended:
+            mended[part.name] = result.mended
         if (folded := count_folded(result.vertices, result.faces, config=config)) > 0:
-            notes.append(f"{part.name}: folded onto itself at {folded} triangles or more; depths near them are unsure")
-    if broken:
-        raise InputError(_refusal(broken, source, repair))
-    return parts, notes
+            folds[part.name] = folded
+    return ClosedParts(parts=tuple(parts), mended=mended, folded=folds, broken=tuple(broken))
 
 
 def _refusal(broken: list[tuple[RawPart, str]], source: str, repair: bool) -> str:
@@ -54,19 +100,42 @@ def _refusal(broken: list[tuple[RawPart, str]], source: str, repair: bool) -> st
     return f"{source}: {len(broken)} parts are not closed: {listed}; {way_out}"
 
 
-def size_note(parts: list[Part], unit: str, config: ReadConfig) -> list[str]:
-    """Return a note if the assembly's diagonal is implausible, naming the unit to check."""
+def size_note(parts: list[Part], unit: str, config: ReadConfig, *, stated: bool) -> list[str]:
+    """Return a note if the assembly's diagonal is implausible, naming units that would be plausible.
+
+    ``stated`` says whether the file names its unit.
+    """
     low = np.min([p.bounds_world[0] for p in parts], axis=0)
     high = np.max([p.bounds_world[1] for p in parts], axis=0)
-    diagonal = float(np.linalg.norm(high - low))
-    if config.smallest <= diagonal <= config.largest:
+    if is_likely(float(np.linalg.norm(high - low)), config, stated=stated):
         return []
-    return [f"the whole assembly measures {diagonal:.3g} m: check the unit, {unit!r} was used"]
+    others = [
+        f"{size_words(np.array([low, high]) * METRES[other] / METRES[unit])} in {other}"
+        for other in likely_units((high - low) / METRES[unit], config)
+    ]
+    way_out = "" if stated else "; give --unit"
+    hint = f" (it would be {' or '.join(others)}{way_out})" if others else ""
+    return [f"the whole assembly measures {size_words(np.array([low, high]))}: check the unit, {unit!r} was used{hint}"]
+
+
+def is_likely(diagonal: float, config: ReadConfig, *, stated: bool) -> bool:
+    """Return whether a product may have this diagonal [m]."""
+    smallest, largest = config.plausible if stated else config.likely
+    return bool(smallest <= diagonal <= largest)
+
+
+def likely_units(edges: Float[np.ndarray, "3"], config: ReadConfig) -> tuple[str, ...]:
+    """Return the common units in which edges of this length, as the file has them, make a likely product."""
+    return tuple(
+        unit
+        for unit in ("mm", "m", "in", "cm")
+        if is_likely(float(np.linalg.norm(edges)) * METRES[unit], config, stated=False)
+    )
 
 
 def find_overlaps(parts: list[Part], config: ReadConfig) -> tuple[Overlap, ...]:
     """Return the pairs of parts that share volume in the assembled pose, worst first."""
-    boxes = np.array([part.bounds_world for part in parts])
+    boxes = np.array([part.bounds_world for part in parts]).reshape(-1, 2, 3)
     low, high = boxes[:, 0], boxes[:, 1]
     meet = ((low[:, None] < high[None]) & (high[:, None] > low[None])).all(axis=2)
     solids: dict[int, Manifold] = {}

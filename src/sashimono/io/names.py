@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 
 _MEANINGLESS = re.compile(
@@ -21,11 +22,12 @@ def choose_name(candidates: Sequence[str]) -> str:
 
 def unique_names(names: Sequence[str]) -> list[str]:
     """Return the names with repeated ones numbered from 1 in order; no number collides with a name that is there."""
-    taken = {name for name in names if names.count(name) == 1}
+    counts = Counter(names)
+    taken = {name for name in names if counts[name] == 1}
     numbers: dict[str, int] = {}
     out = []
     for name in names:
-        if names.count(name) == 1:
+        if counts[name] == 1:
             out.append(name)
             continue
         k = numbers.get(name, 0) + 1

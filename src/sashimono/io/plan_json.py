@@ -162,6 +162,11 @@ def _step_document(step: Step) -> dict[str, Any]:
         "contact_reason": step.contact_reason,
         "evidence": step.motion.evidence,
     }
+    if step.direction is not None:
+        # rounded: they follow from the path, which is exact
+        out["direction"] = np.round(step.direction, 9) + 0.0
+        out["length"] = round(step.length, 12)
+        out["turns"] = round(step.turns, 9) + 0.0
     if step.motion.times is not None:
         out["path"]["times"] = step.motion.times
     if step.carry is not None:

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
+from sashimono.errors import InputError
+
 METRES: Mapping[str, float] = {
     "m": 1.0,
     "dm": 0.1,
@@ -51,10 +53,14 @@ class ReadConfig:
     """The winding number is taken this far before and behind such a triangle, over √(2 area)."""
     max_folds: int = 400
     """Most triangles of one part for which it is taken."""
-    smallest: float = 1e-3
-    """Assemblies with a smaller diagonal [m] get a note to check the unit."""
-    largest: float = 100.0
-    """Assemblies with a larger diagonal [m] get a note to check the unit."""
+    plausible: tuple[float, float] = (1e-3, 100.0)
+    """Assemblies with a smaller or larger diagonal [m] get a note to check the unit, though the file states it."""
+    likely: tuple[float, float] = (3e-3, 30.0)
+    """The same where the file states no unit: then the user's, or millimetres, are more often wrong."""
+    farthest: float = 1e7
+    """No coordinate is larger than this [m]: beyond, a file is broken."""
+    max_parts: int = 2000
+    """Files of more parts are refused: planning them together would take hours."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,6 +93,8 @@ class RawAssembly:
     split_single: bool = False
     """Whether a lone part may be taken apart into its solids (scenes and CAD, whose parts are named inside)."""
     notes: tuple[str, ...] = field(default=())
+    unit_stated: bool = True
+    """Whether the source says in which unit it is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +105,14 @@ class Mesh:
     faces: Int[np.ndarray, "face 3"]
     color: tuple[float, float, float] | None = None
     """Linear RGB in [0, 1]."""
+
+
+def refuse_many(count: int, where: str, most: int) -> None:
+    """Raise InputError for a source of more parts than are planned together."""
+    if count > most:
+        raise InputError(
+            f"{where}: holds {count} parts; at most {most} are planned together. Plan its subassemblies one by one."
+        )
 
 
 def linear_rgb(srgb: Float[np.ndarray, "3"]) -> tuple[float, float, float]:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from sashimono.assembly import Assembly, Source
+from sashimono.assembly import Assembly, Part, Source
 from sashimono.errors import InputError
 from sashimono.geometry.mesh import topology
 from sashimono.geometry.mesh.shapes import identical_shapes
-from sashimono.io.checks import close_parts, find_overlaps, size_note
+from sashimono.io.checks import BrokenPart, close_parts, find_overlaps, size_note
 from sashimono.io.formats import meshes
 from sashimono.io.formats.folders import read_folder
 from sashimono.io.formats.fusion360 import ASSEMBLY_FILE, read_fusion360
@@ -21,11 +21,29 @@ from sashimono.io.formats.scenes import read_3mf_scene, read_gltf_scene
 from sashimono.io.formats.step import read_step
 from sashimono.io.mending.split import split_parts
 from sashimono.io.names import unique_names
-from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig
+from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig, refuse_many
 from sashimono.selection import matching
 
 SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
 """Files that hold a whole assembly."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inspection:
+    """All that a source holds, sound or not."""
+
+    assembly: Assembly
+    """The parts whose surfaces are closed, perhaps after mending."""
+    broken: tuple[tuple[Part, str], ...]
+    """The other parts, as their file has them, and what is wrong with each."""
+    mended: Mapping[str, tuple[str, ...]]
+    """What was changed of the surfaces, by the name of the part in the file."""
+    folded: Mapping[str, int]
+    """How many triangles at least lie back to back with a neighbour, by the name of the part in the file."""
+    unit_stated: bool
+    """Whether the source says in which unit it is."""
+    unit_given: bool
+    """Whether the caller said so."""
 
 
 def read_assembly(
@@ -40,7 +58,19 @@ def read_assembly(
     none. With ``repair``, small faults are mended and named in the notes. Raises InputError, one
     line with the way out, for anything that cannot be used.
     """
-    path, config = Path(path), config or ReadConfig()
+    return _read(path, unit, repair, config or ReadConfig(), refuse_broken=True).assembly
+
+
+def inspect_assembly(path: str | Path, *, unit: str | None = None, config: ReadConfig | None = None) -> Inspection:
+    """Return what a source holds, parts that cannot be closed included; see `read_assembly`.
+
+    Raises InputError only where there is nothing to look at.
+    """
+    return _read(path, unit, True, config or ReadConfig(), refuse_broken=False)
+
+
+def _read(path: str | Path, unit: str | None, repair: bool, config: ReadConfig, *, refuse_broken: bool) -> Inspection:
+    path = Path(path)
     if unit is not None and unit not in METRES:
         raise InputError(f"unit {unit!r} is not known; use one of {', '.join(METRES)}")
     try:
@@ -52,7 +82,8 @@ def read_assembly(
     if unit is not None and unit != raw.unit:
         notes.append(f"the file states its unit ({raw.unit}): unit {unit} not used")
     raw_parts, split_notes = _split_single(raw)
-    _check_finite(raw_parts, str(path))
+    refuse_many(len(raw_parts), str(path), config.max_parts)
+    _check_coordinates(raw_parts, str(path), config)
     if len(raw_parts) < 2:
         what = f"holds 1 part ({raw_parts[0].name})" if raw_parts else "holds no part with a surface"
         raise InputError(f"{path}: {what}; an assembly needs at least 2")
@@ -62,12 +93,16 @@ def read_assembly(
     raw_parts = [part for part in raw_parts if part.name not in excluded]
     if len(raw_parts) < 2:
         raise InputError(f"{path}: --exclude leaves {len(raw_parts)} of {len(names)} parts; leave out fewer")
-    parts, mend_notes = close_parts(raw_parts, source=str(path), repair=repair, config=config)
-    parts, kept_notes = split_parts(parts, config=config)
+    closed = close_parts(raw_parts, repair=repair, config=config)
+    if refuse_broken:
+        closed.refuse_broken(str(path), repair=repair)
+    parts, kept_notes = split_parts(closed.parts, config=config)
     names = [part.name for part in parts]
-    notes += [*split_notes, *mend_notes, *kept_notes, *size_note(parts, raw.unit, config)]
+    broken = [(_as_it_is(each), each.problem) for each in closed.broken]
+    notes += [*split_notes, *closed.notes, *kept_notes]
+    notes += size_note([*parts, *(part for part, _ in broken)], raw.unit, config, stated=raw.unit_stated)
     same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
-    return Assembly(
+    assembly = Assembly(
         parts=tuple(parts),
         source=Source(
             path=str(path), sha256=_digest(raw.files, path), unit=raw.unit, split=config.split, excluded=excluded
@@ -76,12 +111,27 @@ def read_assembly(
         identical=tuple(tuple(names[k] for k in members) for members in same),
         notes=tuple(notes),
     )
+    return Inspection(
+        assembly=assembly,
+        broken=tuple(broken),
+        mended=closed.mended,
+        folded=closed.folded,
+        unit_stated=raw.unit_stated,
+        unit_given=unit is not None,
+    )
+
+
+def _as_it_is(broken: BrokenPart) -> Part:
+    raw = broken.raw
+    return Part(
+        name=raw.name, vertices_part=raw.vertices, faces=raw.faces, T_world_part=raw.T_world_part, color=raw.color
+    )
 
 
 def _read_raw(path: Path, unit: str | None, config: ReadConfig) -> RawAssembly:
     if path.is_dir():
-        gallery = read_fusion360(path) if (path / ASSEMBLY_FILE).is_file() else None
-        return read_folder(path, unit) if gallery is None else gallery
+        gallery = read_fusion360(path, most=config.max_parts) if (path / ASSEMBLY_FILE).is_file() else None
+        return read_folder(path, unit, most=config.max_parts) if gallery is None else gallery
     suffix = path.suffix.lower()
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; check the path")
@@ -92,12 +142,15 @@ def _read_raw(path: Path, unit: str | None, config: ReadConfig) -> RawAssembly:
             f"{path}: {suffix or 'a file without suffix'} is not supported; give {', '.join(SCENE_SUFFIXES)}"
             f" or a folder of {', '.join(meshes.SUFFIXES)}"
         )
+    if not path.is_file():  # a pipe or a device may never end
+        raise InputError(f"{path}: neither a file nor a folder; give one")
     data = path.read_bytes()
     if not data:
         raise InputError(f"{path}: the file is empty; export it again")
     if suffix in (".step", ".stp"):
         return read_step(path, data, config)
-    return read_3mf_scene(path, data) if suffix == ".3mf" else read_gltf_scene(path, data)
+    read_scene = read_3mf_scene if suffix == ".3mf" else read_gltf_scene
+    return read_scene(path, data, most=config.max_parts)
 
 
 def _split_single(raw: RawAssembly) -> tuple[list[RawPart], list[str]]:
@@ -112,12 +165,20 @@ def _split_single(raw: RawAssembly) -> tuple[list[RawPart], list[str]]:
     return parts, [f"{part.name}: the file's only part holds {len(solids)} solids; each was taken as a part"]
 
 
-def _check_finite(parts: list[RawPart], source: str) -> None:
-    """Raise InputError for parts whose arrays are no mesh; the readers of single files have checked theirs."""
+def _check_coordinates(parts: list[RawPart], source: str, config: ReadConfig) -> None:
+    """Raise InputError for parts whose arrays are no mesh, or whose coordinates are beyond any product."""
     for part in parts:
         problem = meshes.mesh_problem(meshes.Mesh(vertices=part.vertices, faces=np.asarray(part.faces)))
         if problem:
             raise InputError(f"{source}: {part.name} {problem}; export it again")
+        # in double precision a product that is so large or so far away has no details left
+        reach = max(float(np.abs(part.vertices).max()), float(np.abs(part.T_world_part[:3, 3]).max()))
+        if reach > config.farthest:
+            where = part.where if part.where != source else f"{source}: {part.name}"
+            raise InputError(
+                f"{where}: coordinates of {reach:.3g} m; nothing so large or so far away is planned. Check the unit,"
+                " move the product near the origin, or export it again."
+            )
 
 
 def _digest(files: Mapping[str, bytes], path: Path) -> str:

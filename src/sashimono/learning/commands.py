@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sashimono.errors import InputError
+from sashimono.errors import InputError, SashimonoError
 from sashimono.learning.cloud_cache import CloudConfig, Dataset
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def train_command(
 
     from sashimono.learning.cloud_cache import make_cache
     from sashimono.learning.config_files import read_config
-    from sashimono.learning.devices import find_place
+    from sashimono.learning.devices import find_place, refuse_device
     from sashimono.learning.registry import BY_REWARD, prepared
     from sashimono.learning.train import train
     from sashimono.learning.weights import read_weights
@@ -93,6 +93,9 @@ def train_command(
         torch.set_num_threads(threads)
     changes = {"steps": steps, "seed": seed}
     asked = read_config(config, **{name: value for name, value in changes.items() if value is not None})
+    # what was asked for is looked at before the clouds are sampled, which takes long
+    refuse_device(device)
+    began = None if start is None or asked.kind == BY_REWARD else read_weights(start).state
     if asked.kind == BY_REWARD:
         return _train_by_reward(
             asked, out, data=data, minutes=minutes, start=start, cache=cache, device=device, workers=workers,
@@ -112,7 +115,7 @@ def train_command(
             out,
             place=place,
             minutes=minutes,
-            start=None if start is None else read_weights(start).state,
+            start=began,
             card={"data": dataset.hash},
             report=lambda row: say(_line(row)),
         )
@@ -252,7 +255,7 @@ def evaluate_command(
 
     from sashimono.learning.baselines.ata import AtaPredictor
     from sashimono.learning.cloud_cache import make_cache
-    from sashimono.learning.devices import find_place
+    from sashimono.learning.devices import find_place, refuse_device
     from sashimono.learning.evaluate import evaluate, heuristics, over_seeds, write_evaluation
     from sashimono.learning.export import note_figures
     from sashimono.learning.predictor import NetworkPredictor
@@ -260,10 +263,15 @@ def evaluate_command(
     from sashimono.learning.report import group_table, table_one
     from sashimono.learning.weights import load_model, read_weights
 
-    dataset = data() if callable(data) else load_data(data)
-    made = make_cache(dataset, cache or out, config=clouds, workers=workers)
+    # what was asked for is looked at before the clouds are sampled, which takes long
     read_from = _names(models)
     read = {name: read_weights(path) for name, path in read_from.items()}
+    refuse_device(device)
+    dataset = data() if callable(data) else load_data(data)
+    known = {blueprint.split for blueprint in dataset.blueprints}
+    if unknown := [split for split in splits if split not in known]:
+        raise SashimonoError(f"--split: the dataset has no split {unknown[0]!r}; it has {', '.join(sorted(known))}.")
+    made = make_cache(dataset, cache or out, config=clouds, workers=workers)
     made = prepared(made, dataset, [weights.config.kind for weights in read.values()], workers=workers)
     rows = np.concatenate([made.split(split, limit=limit) for split in splits])
     out.mkdir(parents=True, exist_ok=True)

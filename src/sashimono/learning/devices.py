@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import torch
 from torch import distributed
 
+from sashimono.errors import SashimonoError
+
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
@@ -43,6 +45,16 @@ class Place:
         """Return the context that products are computed in."""
         kind = self.device.split(":")[0]
         return torch.autocast(kind, dtype=torch.bfloat16, enabled=kind == "cuda" and precision == "bf16")
+
+
+def refuse_device(device: str | None) -> None:
+    """Raise SashimonoError for a device that PyTorch does not know or does not have here."""
+    try:
+        if device is not None:
+            torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise SashimonoError(f"--device {device}: not to be had here ({reason}). Name cpu, cuda or cuda:0.") from error
 
 
 @contextmanager

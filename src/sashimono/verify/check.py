@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import glob
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sashimono.assembly import Assembly
-from sashimono.errors import InputError
 from sashimono.geometry import se3
+from sashimono.io.plan_input import read_plan_input
 from sashimono.io.plan_json import read_plan
-from sashimono.io.raw import ReadConfig
-from sashimono.io.read import read_assembly
 from sashimono.plan import AssemblyPlan, Fixture, Step, Subassembly, Table
 from sashimono.verify.body import SampledBody
 from sashimono.verify.bond import stated_bonds
@@ -118,23 +115,7 @@ def verify_file(
     Raises PlanFormatError for a broken plan file and InputError where the input is missing or unusable.
     """
     plan = read_plan(plan_path)
-    stated = Path(input_path if input_path is not None else plan.source.path)
-    candidates = [stated] if input_path is not None else [Path(plan_path).parent / stated, stated]
-    found = [path for path in candidates if path.exists()]
-    if not found:
-        raise InputError(f"{plan_path}: its input {plan.source.path} is not there. Name it with --input.")
-    options = ReadConfig(split=plan.source.split, exclude=tuple(map(glob.escape, plan.source.excluded)))
-    assemblies = (read_assembly(path, unit=plan.source.unit, config=options) for path in found)
-    return verify_plan(plan, _matching(assemblies, plan.source.sha256), config=config)
-
-
-def _matching(assemblies: Iterator[Assembly], sha256: str) -> Assembly:
-    """Return the first assembly with this hash, else the first; reads no more than it must."""
-    first = next(assemblies)
-    if first.source is not None and first.source.sha256 == sha256:
-        return first
-    others = (other for other in assemblies if other.source is not None and other.source.sha256 == sha256)
-    return next(others, first)
+    return verify_plan(plan, read_plan_input(plan, plan_path, input_path), config=config)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.j
 """The page's own scripts, in the order in which they are joined."""
 
 
-def _triangles(corners: np.ndarray, packer: Packer) -> dict[str, int]:
+def pack_triangles(corners: np.ndarray, packer: Packer) -> dict[str, int]:
     """Pack triangles, three points each, in the world frame."""
     points = corners.reshape(-1, 3).astype("<f4")
     return {"at": packer.add(points), "count": len(points)}
@@ -43,9 +43,9 @@ def _blocker(found: Explanation, blocker: Blocker, assembly: Assembly, packer: P
     return {
         **entry,
         "marks": {
-            "part": _triangles(part.vertices_world[part.faces[seen.faces_part]], packer),
-            "blocker": _triangles(other.vertices_world[other.faces[seen.faces_obstacle]], packer),
-            "patch": _triangles(seen.patch[:, [0, 1, 2, 0, 2, 3]], packer),
+            "part": pack_triangles(part.vertices_world[part.faces[seen.faces_part]], packer),
+            "blocker": pack_triangles(other.vertices_world[other.faces[seen.faces_obstacle]], packer),
+            "patch": pack_triangles(seen.patch[:, [0, 1, 2, 0, 2, 3]], packer),
         },
     }
 

@@ -17,9 +17,11 @@ from sashimono.view.appearance import part_colors, srgb_hex
 from sashimono.view.config import ViewConfig
 from sashimono.view.display_mesh import DisplayMesh
 from sashimono.view.explode import explosion_offsets
+from sashimono.view.lookout import Lookout, step_lookouts
 from sashimono.view.playback import UP, PlayedStep, played_steps
 from sashimono.view.shapes import ShapeUse, make_shapes
 from sashimono.view.timeline import StepTiming, make_timeline
+from sashimono.view.words import ENGLISH, way_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,9 +112,12 @@ def _contact(contact: Contact, pose_times: Float[np.ndarray, "pose"]) -> dict[st
     }
 
 
-def _step(played: PlayedStep, timing: StepTiming, assembly: Assembly) -> dict[str, Any]:
+def _step(
+    played: PlayedStep, timing: StepTiming, lookout: Lookout | None, up: Float[np.ndarray, "3"], assembly: Assembly
+) -> dict[str, Any]:
     step = played.step
     evidence = step.motion.evidence
+    turned = played.poses[-1][:3, :3] @ assembly.part(step.part).T_world_part[:3, :3].T
     own_times = timing.pose_times[-len(step.motion.T_world_part) :]
     return {
         "part": assembly.index(step.part),
@@ -130,6 +135,10 @@ def _step(played: PlayedStep, timing: StepTiming, assembly: Assembly) -> dict[st
         "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
         "held": list(step.held),
+        # on a bench what is up may be turned
+        "way": way_words(step.insertion, turned.T @ up, ENGLISH) if step.insertion else "",
+        "look": None if lookout is None else lookout.toward.tolist(),
+        "hiding": [] if lookout is None else [assembly.index(name) for name in lookout.hiding],
         "penetration": _finite(evidence.get("max_penetration")),
         "tolerance": _finite(evidence.get("tolerance")),
     }
@@ -185,6 +194,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Vi
     notes = [*assembly.notes, *(note for note in plan.notes if note not in assembly.notes)]
     if shapes.decimated:
         notes.append("Meshes are simplified in this view; the plan was made with the full ones.")
+    up = np.array(UP) if plan.table is None else plan.table.normal / np.linalg.norm(plan.table.normal)
     json = {
         "title": PurePath(plan.source.path.replace("\\", "/")).name or "assembly",
         "status": plan.status,
@@ -195,7 +205,10 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Vi
         "duration": timeline.duration,
         "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
         "parts": _parts(plan, assembly, shapes.uses, config),
-        "steps": [_step(step, timing, assembly) for step, timing in zip(played, timeline.steps, strict=True)],
+        "steps": [
+            _step(step, timing, lookout, up, assembly)
+            for step, timing, lookout in zip(played, timeline.steps, step_lookouts(plan, played, assembly), strict=True)
+        ],
         "unsolved": _unsolved(plan, assembly),
         "notes": notes,
     }

@@ -7,13 +7,16 @@ carries one's vertices onto the other's.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
+from sashimono.geometry import se3
 from sashimono.geometry.mesh import measures
 
 
@@ -37,6 +40,8 @@ class _Shape:
     """Vertices about the centre of mass."""
     distances: Float[np.ndarray, "vertex"]
     """Distances of the vertices from the centre of mass."""
+    center: Float[np.ndarray, "3"]
+    """Centre of mass [m]."""
 
 
 def identical_shapes(
@@ -46,14 +51,35 @@ def identical_shapes(
     config = config or ShapeConfig()
     shapes = [_describe(vertices, faces) for vertices, faces in meshes]
     classes: list[list[int]] = []
+    # with thousands of parts only those of as many corners and faces and about the same volume are compared
+    alike: dict[tuple[int, int], list[tuple[float, int]]] = {}
     for k, shape in enumerate(shapes):
-        for members in classes:
-            if _same(shapes[members[0]], shape, config):
-                members.append(k)
+        known = alike.setdefault((len(shape.points), len(shape.faces)), [])
+        size, slack = float(shape.measures[0]), 2.0 * config.tolerance * shape.radius
+        near = known[bisect_left(known, (size - slack, -1)) : bisect_right(known, (size + slack, len(shapes)))]
+        for index in sorted(index for _, index in near):
+            if _same(shapes[classes[index][0]], shape, config):
+                classes[index].append(k)
                 break
         else:
+            insort(known, (size, len(classes)))
             classes.append([k])
     return tuple(tuple(members) for members in classes if len(members) > 1)
+
+
+def rigid_motion(
+    first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray], config: ShapeConfig | None = None
+) -> Float[np.ndarray, "4 4"] | None:
+    """Return a motion that carries a closed mesh (vertices, faces) onto another; None if they differ in shape.
+
+    Of several, as symmetric shapes have them, it is one without rotation if there is such a one.
+    """
+    config = config or ShapeConfig()
+    a, b = _describe(*first), _describe(*second)
+    rotation = _match(a, b, config)
+    if rotation is None:
+        return None
+    return se3.make(rotation, b.center - rotation @ a.center)
 
 
 def _describe(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "face 3"]) -> _Shape:
@@ -66,21 +92,29 @@ def _describe(vertices: Float[np.ndarray, "vertex 3"], faces: Int[np.ndarray, "f
         radius=measures.radius(vertices, mass.center),
         points=points,
         distances=np.linalg.norm(points, axis=1),
+        center=mass.center,
     )
 
 
 def _same(a: _Shape, b: _Shape, config: ShapeConfig) -> bool:
+    return _match(a, b, config) is not None
+
+
+def _match(a: _Shape, b: _Shape, config: ShapeConfig) -> Float[np.ndarray, "3 3"] | None:
+    """Return a rotation about the centres that carries a onto b; None if there is none."""
     tolerance = config.tolerance * a.radius
     if len(a.points) != len(b.points) or len(a.faces) != len(b.faces):
-        return False
+        return None
     if np.abs(a.measures - b.measures).max() > tolerance or abs(a.radius - b.radius) > tolerance:
-        return False
+        return None
     if np.abs(np.sort(a.distances) - np.sort(b.distances)).max() > tolerance:
-        return False
+        return None
     if np.array_equal(a.faces, b.faces):
+        if np.linalg.norm(a.points - b.points, axis=1).max() <= tolerance:
+            return np.eye(3)
         rotation = _rotation_between(a.points, b.points)
         if np.linalg.norm(a.points @ rotation.T - b.points, axis=1).max() <= tolerance:
-            return True
+            return rotation
     return _aligned(a, b, tolerance, config.attempts)
 
 
@@ -90,15 +124,15 @@ def _rotation_between(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) 
     return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
 
 
-def _aligned(a: _Shape, b: _Shape, tolerance: float, attempts: int) -> bool:
-    """Return whether some rotation carries the vertices and faces' centres of a onto those of b."""
+def _aligned(a: _Shape, b: _Shape, tolerance: float, attempts: int) -> Float[np.ndarray, "3 3"] | None:
+    """Return a rotation that carries the vertices and faces' centres of a onto those of b; None if none is found."""
     tree = KDTree(b.points)
     centers_a, centers_b = (s.points[s.faces].mean(axis=1) for s in (a, b))
     center_tree = KDTree(centers_b)
     few = a.points[np.unique(np.linspace(0, len(a.points) - 1, 24).astype(int))]
-    for k, rotation in enumerate(_candidate_rotations(a, b, tolerance)):
-        if k >= attempts:
-            return False
+    for k, rotation in enumerate(chain([np.eye(3)], _candidate_rotations(a, b, tolerance))):
+        if k > attempts:
+            return None
         if tree.query(few @ rotation.T, distance_upper_bound=4.0 * tolerance)[0].max() > 4.0 * tolerance:
             continue
         gap, match = map(np.asarray, tree.query(a.points @ rotation.T))
@@ -108,8 +142,8 @@ def _aligned(a: _Shape, b: _Shape, tolerance: float, attempts: int) -> bool:
         if np.linalg.norm(a.points @ rotation.T - b.points[match], axis=1).max() > tolerance:
             continue
         if center_tree.query(centers_a @ rotation.T)[0].max() <= tolerance:
-            return True
-    return False
+            return rotation
+    return None
 
 
 def _candidate_rotations(a: _Shape, b: _Shape, tolerance: float) -> Iterator[Float[np.ndarray, "3 3"]]:

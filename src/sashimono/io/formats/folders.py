@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,16 +17,16 @@ from scipy.spatial.transform import Rotation
 from sashimono.errors import InputError
 from sashimono.geometry import se3
 from sashimono.io.formats.meshes import SUFFIXES, read_mesh
-from sashimono.io.raw import METRES, RawAssembly, RawPart
+from sashimono.io.raw import METRES, RawAssembly, RawPart, refuse_many
 
 
-def read_folder(folder: Path, unit: str | None) -> RawAssembly:
+def read_folder(folder: Path, unit: str | None, *, most: int) -> RawAssembly:
     """Return the parts of a folder of .obj, .stl or .ply files, named by file stem, in natural order.
 
     Coordinates are taken in ``unit``, millimetres if None. The files lie in their assembled place,
     unless ``config.json`` (ASAP: ``{id: {"final_state": [x, y, z] or [x, y, z, a, b, c]}}``, angles
     about the fixed axes x, y, z in turn [rad]) or ``translation.json`` (Assemble-Them-All:
-    ``{id: [x, y, z]}``) moves them there. Raises InputError for what cannot be used.
+    ``{id: [x, y, z]}``) moves them there. Raises InputError for what cannot be used, and for more than ``most`` files.
     """
     paths = sorted((p for p in folder.iterdir() if _is_mesh(p)), key=lambda p: natural_key(p.name))
     if not paths:
@@ -35,10 +36,11 @@ def read_folder(folder: Path, unit: str | None) -> RawAssembly:
             path.name.encode()
         except UnicodeEncodeError:
             raise InputError(f"{folder}: the file name {path.name!a} is not UTF-8; rename it.") from None
+    refuse_many(len(paths), str(folder), most)
     names = [p.stem for p in paths]
-    for name in names:
-        same = [p.name for p in paths if p.stem == name]
-        if len(same) > 1:
+    for name, count in Counter(names).items():
+        if count > 1:
+            same = [p.name for p in paths if p.stem == name]
             raise InputError(f"{folder}: {' and '.join(same)} name the same part {name}; keep one of them")
     notes = []
     if unit is None:
@@ -57,7 +59,9 @@ def read_folder(folder: Path, unit: str | None) -> RawAssembly:
         ))  # fmt: skip
     if pose_file is not None:
         files[pose_file.name] = pose_file.read_bytes()
-    return RawAssembly(parts=tuple(parts), unit=unit or "mm", files=files, notes=(*notes, *pose_notes))
+    return RawAssembly(
+        parts=tuple(parts), unit=unit or "mm", files=files, notes=(*notes, *pose_notes), unit_stated=False
+    )
 
 
 def natural_key(name: str) -> list[tuple[int, int, str]]:

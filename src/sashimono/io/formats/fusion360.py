@@ -16,7 +16,7 @@ from sashimono.geometry import se3
 from sashimono.io.formats.meshes import read_mesh
 from sashimono.io.formats.scenes import number_shapes, place
 from sashimono.io.names import choose_name
-from sashimono.io.raw import METRES, Mesh, RawAssembly, RawPart
+from sashimono.io.raw import METRES, Mesh, RawAssembly, RawPart, refuse_many
 
 ASSEMBLY_FILE = "assembly.json"
 UNIT = "cm"
@@ -32,13 +32,14 @@ class _PlacedBody:
     T: Float[np.ndarray, "4 4"]
 
 
-def read_fusion360(folder: Path) -> RawAssembly | None:
+def read_fusion360(folder: Path, *, most: int) -> RawAssembly | None:
     """Return the visible bodies of a folder with ``assembly.json``, in tree order; None if that is another file.
 
     The form (Willis et al., JoinABLe, 2022): ``tree`` nests occurrences by id, below ``root``, whose component's
     bodies are in place. Each occurrence has bodies and a ``transform``: where its frame stands in that of the
     occurrence above it. Hidden occurrences are left out with all below them, and hidden bodies. Each body names its
-    ``obj`` file. Lengths are in centimetres. Raises InputError for what cannot be used.
+    ``obj`` file. Lengths are in centimetres. Raises InputError for what cannot be used, and for more than ``most``
+    bodies.
     """
     path = folder / ASSEMBLY_FILE
     data = path.read_bytes()
@@ -54,6 +55,7 @@ def read_fusion360(folder: Path) -> RawAssembly | None:
     except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise InputError(f"{path}: not of the form of the Fusion 360 Gallery ({reason}); copy it again") from error
+    refuse_many(len(placed), str(path), most)
     files = {path.name: data}
     meshes: dict[str, Mesh] = {}
     parts: list[RawPart] = []

@@ -8,6 +8,7 @@ import json
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -152,17 +153,21 @@ class Document:
                 )  # fmt: skip
 
 
-def read_gltf(data: bytes, folder: Path | None, where: str) -> tuple[list[Leaf], dict[str, bytes]]:
+def read_gltf(data: bytes, folder: Path | None, where: str, *, most: int) -> tuple[list[Leaf], dict[str, bytes]]:
     """Return the leaves of a .glb or .gltf file in tree order, and the buffer files it uses.
 
-    Raises InputError, naming ``where``, if it is broken or needs an extension that is not supported.
+    Raises InputError, naming ``where``, if it is broken, needs an extension that is not supported, or has more than
+    ``most`` leaves.
     """
     try:
         document = Document(data, folder)
         unknown = [e for e in document.json.get("extensionsRequired", []) if not str(e).startswith(_HARMLESS)]
         if unknown:
             raise ValueError(f"it needs {', '.join(unknown)}, which is not supported")
-        return list(document.leaves()), document.files
+        leaves = list(islice(document.leaves(), most + 1))
+        if len(leaves) > most:
+            raise ValueError(f"it places more than {most} meshes")
+        return leaves, document.files
     except (
         ValueError, IndexError, KeyError, TypeError, AttributeError, struct.error, binascii.Error, RecursionError,
     ) as error:  # fmt: skip

@@ -16,9 +16,9 @@ from sashimono.io.names import choose_name
 from sashimono.io.raw import METRES, RawAssembly, RawPart
 
 
-def read_gltf_scene(path: Path, data: bytes) -> RawAssembly:
-    """Return the parts of a .glb or .gltf file, named by their nodes; InputError if it is broken."""
-    leaves, buffers = read_gltf(data, path.parent, str(path))
+def read_gltf_scene(path: Path, data: bytes, *, most: int) -> RawAssembly:
+    """Return the parts of a .glb or .gltf file, named by their nodes; InputError if it is broken or has too many."""
+    leaves, buffers = read_gltf(data, path.parent, str(path), most=most)
     shapes = number_shapes([leaf.shape for leaf in leaves])
     parts = [
         place(
@@ -30,9 +30,9 @@ def read_gltf_scene(path: Path, data: bytes) -> RawAssembly:
     return RawAssembly(parts=tuple(parts), unit="m", files={path.name: data, **buffers}, split_single=True)
 
 
-def read_3mf_scene(path: Path, data: bytes) -> RawAssembly:
-    """Return the parts of a .3mf file, named by their objects; InputError if it is broken."""
-    placed, unit = read_3mf(data, str(path))
+def read_3mf_scene(path: Path, data: bytes, *, most: int) -> RawAssembly:
+    """Return the parts of a .3mf file, named by their objects; InputError if it is broken or has too many."""
+    placed, unit = read_3mf(data, str(path), most=most)
     shapes = number_shapes([p.shape for p in placed])
     parts = []
     for p, shape in zip(placed, shapes, strict=True):

@@ -16,7 +16,7 @@ from sashimono.io.formats.gltf import Leaf, read_gltf
 from sashimono.io.formats.scenes import number_shapes, place
 from sashimono.io.mending.mend import closes
 from sashimono.io.names import choose_name
-from sashimono.io.raw import RawAssembly, ReadConfig
+from sashimono.io.raw import RawAssembly, ReadConfig, refuse_many
 
 _log = logging.getLogger(__name__)
 
@@ -31,10 +31,12 @@ def read_step(path: Path, data: bytes, config: ReadConfig) -> RawAssembly:
     """
     if b"ISO-10303-21" not in data[:4096]:
         raise InputError(f"{path}: not a STEP file (no ISO-10303-21 header); export it as STEP AP214 or AP242")
+    # each is one placement of a product in another; nested ones multiply, so that this is the least there can be
+    refuse_many(data.count(b"NEXT_ASSEMBLY_USAGE_OCCURRENCE"), str(path), config.max_parts)
     glb, said = _convert(data, config, 1.0)
     if not glb:
         raise InputError(f"{path}: the STEP file is broken or cut short ({_reason(said)}); export it again")
-    leaves, _ = read_gltf(glb, None, str(path))
+    leaves, _ = read_gltf(glb, None, str(path), most=config.max_parts)
     leaves, retried = _retry_open(leaves, data, path, config)
     shapes = number_shapes([leaf.shape for leaf in leaves])
     parts = [
@@ -66,7 +68,7 @@ def _retry_open(leaves: list[Leaf], data: bytes, path: Path, config: ReadConfig)
     leaves, retried = list(leaves), {}
     for factor in config.step_retries if still_open else ():
         glb, _ = _convert(data, config, factor)
-        again, _ = read_gltf(glb, None, str(path)) if glb else ([], {})
+        again, _ = read_gltf(glb, None, str(path), most=config.max_parts) if glb else ([], {})
         if [leaf.mesh for leaf in again] != [leaf.mesh for leaf in leaves]:
             continue
         for k in still_open.copy():

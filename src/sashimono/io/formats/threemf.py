@@ -23,6 +23,8 @@ _RELATIONS = "{http://schemas.openxmlformats.org/package/2006/relationships}Rela
 _MODEL = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _UNITS = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft", "meter": "m"}
 _DEEPEST = 100
+_LARGEST = 1_000_000_000
+"""Bytes to which one file of the package may unpack."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,19 +43,24 @@ class Placed:
 @dataclass
 class _Package:
     archive: zipfile.ZipFile
+    most: int
+    """Most meshes that it may place."""
     models: dict[str, ElementTree.Element] = field(default_factory=dict)
+    objects: dict[str, dict[str | None, ElementTree.Element]] = field(default_factory=dict)
     meshes: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     def model(self, path: str) -> ElementTree.Element:
         if path not in self.models:
-            self.models[path] = ElementTree.fromstring(self.archive.read(path))
+            self.models[path] = ElementTree.fromstring(_read(self.archive, path))
         return self.models[path]
 
     def find(self, path: str, object_id: str) -> ElementTree.Element:
-        for element in self.model(path).iterfind(f"{_CORE}resources/{_CORE}object"):
-            if element.get("id") == object_id:
-                return element
-        raise ValueError(f"no object {object_id} in {path}")
+        if path not in self.objects:
+            found = self.model(path).iterfind(f"{_CORE}resources/{_CORE}object")
+            self.objects[path] = {element.get("id"): element for element in found}
+        if object_id not in self.objects[path]:
+            raise ValueError(f"no object {object_id} in {path}")
+        return self.objects[path][object_id]
 
     def place(
         self, path: str, object_id: str, T: Float[np.ndarray, "4 4"], names: tuple[str, ...], out: list[Placed]
@@ -67,6 +74,8 @@ class _Package:
         if mesh is not None:
             vertices, faces = self._mesh(path, object_id, mesh)
             if len(faces):
+                if len(out) == self.most:
+                    raise ValueError(f"it places more than {self.most} meshes")
                 out.append(Placed(
                     names=names, T_world_mesh=T, vertices=vertices, faces=faces,
                     color=self._color(path, element), shape=(path, object_id),
@@ -96,14 +105,14 @@ class _Package:
         return None
 
 
-def read_3mf(data: bytes, where: str) -> tuple[list[Placed], str]:
+def read_3mf(data: bytes, where: str, *, most: int) -> tuple[list[Placed], str]:
     """Return the placed meshes of a 3MF package in build order, and the name of its unit.
 
-    Raises InputError, naming ``where``, if the package is broken.
+    Raises InputError, naming ``where``, if the package is broken, or places more than ``most`` meshes.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            package = _Package(archive)
+            package = _Package(archive, most)
             root = _root_path(archive)
             model = package.model(root)
             unit = _UNITS[model.get("unit", "millimeter")]
@@ -118,9 +127,17 @@ def read_3mf(data: bytes, where: str) -> tuple[list[Placed], str]:
         raise InputError(f"{where}: not a readable 3MF file ({reason}); export it again") from error
 
 
+def _read(archive: zipfile.ZipFile, path: str) -> bytes:
+    """Return one file of the package; ValueError if it would unpack to more than a mesh ever takes."""
+    size = archive.getinfo(path).file_size
+    if size > _LARGEST:
+        raise ValueError(f"{path} unpacks to {size / 1e9:.3g} GB")
+    return archive.read(path)
+
+
 def _root_path(archive: zipfile.ZipFile) -> str:
     """Return the path of the package's main model."""
-    for relation in ElementTree.fromstring(archive.read("_rels/.rels")).iterfind(_RELATIONS):
+    for relation in ElementTree.fromstring(_read(archive, "_rels/.rels")).iterfind(_RELATIONS):
         if relation.get("Type") == _MODEL:
             return relation.attrib["Target"].lstrip("/")
     raise ValueError("no 3D model in the package")

@@ -48,13 +48,15 @@ class Bodies {
     return pose;
   }
 
-  update(t, { explode, xray, cadColors }) {
+  /** Draw all at time t; `hiding` parts are made transparent, and those that `isShown` denies are left out. */
+  update(t, { explode, xray, cadColors }, hiding = [], isShown = () => true) {
     this.items.forEach((item, index) => {
       const part = this.plan.parts[index];
       const state = this.timeline.state(index, t);
+      item.node.visible = isShown(index);
       item.node.matrix.copy(matrixOf(compose(this.drawnPose(index, t, explode), item.shapePose)));
       item.node.matrixWorldNeedsUpdate = true;
-      const opacity = state === "unsolved" ? GHOST_OPACITY : xray && state === "placed" ? XRAY_OPACITY : 1;
+      const opacity = state === "unsolved" ? GHOST_OPACITY : state === "placed" && (xray || hiding.includes(index)) ? XRAY_OPACITY : 1;
       const { material } = item;
       if (material.transparent !== opacity < 1) {
         material.transparent = opacity < 1;

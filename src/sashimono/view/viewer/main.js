@@ -1,5 +1,7 @@
 // The player: time, what is shown, keyboard and mouse; and the hook `window.sashimono` for tests and pictures.
 
+const FLIGHT_MS = 700;
+
 class Player {
   constructor() {
     this.plan = readPlan();
@@ -9,7 +11,11 @@ class Player {
     this.speed = 1;
     this.playing = false;
     this.hovered = -1;
-    this.view = { explode: 0, contacts: true, table: true, xray: false, cadColors: false };
+    this.view = { explode: 0, contacts: true, table: true, xray: false, cadColors: false, follow: false };
+    this.chosen = -1;
+    this.flight = null;
+    this.hidden = new Set();
+    this.alone = false;
     this.ready = false;
     this.panel = new Panel(this.plan, this);
     const host = document.getElementById("stage");
@@ -24,6 +30,7 @@ class Player {
     this.#listen(host);
     this.stage.resize();
     this.fit();
+    this.#readLink();
   }
 
   #trayPoints() {
@@ -40,7 +47,7 @@ class Player {
   #listen(host) {
     new ResizeObserver(() => {
       this.stage.resize();
-      if (!this.stage.userMoved) this.fit();
+      if (!this.stage.userMoved) this.#frame();
       this.#invalidate(false);
     }).observe(host);
     window.addEventListener("keydown", (event) => this.#key(event));
@@ -49,6 +56,12 @@ class Player {
       this.pointer = event.buttons ? null : event;
       this.#invalidate(false);
     });
+    canvas.addEventListener("pointerdown", (event) => (this.pressed = [event.clientX, event.clientY]));
+    canvas.addEventListener("pointerup", (event) => {
+      const [x, y] = this.pressed ?? [event.clientX, event.clientY];
+      if (event.button === 0 && Math.hypot(event.clientX - x, event.clientY - y) < 5) this.#click(event);
+    });
+    window.addEventListener("hashchange", () => this.#readLink());
     canvas.addEventListener("pointerleave", () => {
       this.pointer = null;
       this.panel.showTip("", 0, 0);
@@ -57,12 +70,19 @@ class Player {
   }
 
   #key(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    // a control keeps the keys that are its own
+    const control = event.target.closest?.("button, summary, select, input");
+    if (control && (control.matches("select, input") ? event.key.length > 1 || event.key === " " : event.key === " " || event.key === "Enter")) {
+      if (event.key !== "Escape") return;
+    }
     const actions = {
       " ": () => this.toggle(), ArrowLeft: () => this.skip(-1), ArrowRight: () => this.skip(1),
       Home: () => this.setTime(0), End: () => this.setTime(this.plan.duration), f: () => this.fit(),
+      c: () => this.setView({ follow: !this.view.follow }), Escape: () => this.choose(-1),
+      ...(this.chosen >= 0 && { h: () => this.hide(this.chosen), i: () => this.isolate(this.chosen) }),
     };
-    const action = actions[event.key];
+    const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action) return;
     event.preventDefault();
     action();
@@ -86,10 +106,76 @@ class Player {
     this.#invalidate(true);
   }
 
-  /** Go to the start of a step. */
+  /** Go to the start of a step; the page's address names it from then on. */
   showStep(k) {
-    if (k < this.plan.steps.length) this.setTime(this.plan.steps[Math.max(k, 0)].start);
-    else this.setTime(this.plan.duration);
+    const step = this.plan.steps[Math.max(k, 0)];
+    this.setTime(step ? step.start : this.plan.duration);
+    if (step) this.#writeLink(step.label);
+  }
+
+  #writeLink(label) {
+    try {
+      history.replaceState(null, "", `#step=${label}`);
+    } catch {
+      // a page inside another one may have no address of its own
+    }
+  }
+
+  /** Go to the step that the page's address names: #step=12, or #step=3.1 inside a subassembly. */
+  #readLink() {
+    const label = new URLSearchParams(location.hash.slice(1)).get("step");
+    const k = this.plan.steps.findIndex((step) => step.label === label);
+    if (k < 0) return;
+    this.pause();
+    this.showStep(k);
+  }
+
+  /** Choose the part that was clicked, and go to its step; a click beside all parts chooses none. */
+  #click(event) {
+    const part = this.#partAt(event);
+    if (part < 0 && this.chosen < 0) return;
+    this.chosen = part;
+    if (part < 0) this.alone = false;
+    const k = part < 0 ? -1 : this.timeline.lastStepOf(part);
+    if (k >= 0) {
+      this.pause();
+      this.showStep(k);
+    }
+    this.#showChoice();
+  }
+
+  /** Choose a part, or none with -1: then all parts are shown again. */
+  choose(part) {
+    this.chosen = part;
+    if (part < 0) {
+      this.hidden.clear();
+      this.alone = false;
+    }
+    this.#showChoice();
+  }
+
+  hide(part) {
+    this.hidden.add(part);
+    this.chosen = -1;
+    this.alone = false;
+    this.#showChoice();
+  }
+
+  /** Show one part alone, or together with the others again. */
+  isolate(part) {
+    this.alone = this.chosen !== part || !this.alone;
+    this.chosen = part;
+    this.hidden.delete(part);
+    this.#showChoice();
+  }
+
+  isShown(part) {
+    return this.alone ? part === this.chosen : !this.hidden.has(part);
+  }
+
+  #showChoice() {
+    this.panel.showChoice(this.chosen, this.hidden.size > 0 || this.alone, this.alone);
+    this.#invalidate(true);
   }
 
   /** To the next step, or to the start of this one and then the one before. */
@@ -103,7 +189,8 @@ class Player {
   setView(changes) {
     Object.assign(this.view, changes);
     this.panel.showView(this.view);
-    if ("explode" in changes && !this.stage.userMoved) this.#frame();
+    if (changes.follow) this.stage.userMoved = false;
+    if (("explode" in changes || "follow" in changes) && !this.stage.userMoved) this.#frame();
     this.#invalidate(true);
   }
 
@@ -116,17 +203,64 @@ class Player {
   /** Show everything from the first viewpoint. */
   fit() {
     this.stage.userMoved = false;
+    this.flight = null;
     this.#frame();
     this.#invalidate(false);
   }
 
   #frame() {
+    const step = this.view.follow && this.plan.steps[this.timeline.stepAt(this.time)];
+    this.framed = this.#scene();
+    if (step && step.look) {
+      this.#frameStep(step);
+      return;
+    }
     const assembled = this.plan.parts.flatMap((part, k) => this.bodies.corners(k, part.assembled));
     const { explode } = this.view;
     const exploded = this.plan.parts.flatMap((part, k) => this.bodies.corners(k, this.bodies.drawnPose(k, this.time, explode)));
     const direction = this.stage.firstDirection(this.#trayPoints(), assembled, explode > 0 ? 0.4 : 0.62);
     if (explode > 0) this.stage.fit(exploded, [], direction);
     else this.stage.fit(this.everywhere, this.#insertionPoints(), direction);
+  }
+
+  /** Look at what comes and where it goes in; on its way there, at all of its way too. */
+  #frameStep(step) {
+    const k = this.plan.steps.indexOf(step);
+    const insertion = step.segments.find((segment) => segment.kind === "insertion");
+    const near = this.timeline.phase(k, this.time) === "insertion" || this.time >= step.times.at(-1);
+    const poses = [step.poses.at(-1), ...(insertion ? [step.poses[insertion.start]] : []), ...(near ? [] : step.poses)];
+    const points = poses.flatMap((pose) => this.bodies.cornersOfStep(k, pose));
+    // some of what is around it, so that a small part is not alone
+    const product = this.plan.parts.flatMap((part, i) => (this.timeline.state(i, this.time) === "placed" ? this.bodies.corners(i, this.bodies.drawnPose(i, this.time, 0)) : []));
+    this.stage.fit(this.stage.widened(points, product, near ? 0.35 : 1), [], this.stage.directionOf(step.look));
+  }
+
+  /** Go to where this step is seen from; on the way there while it plays, at once otherwise. */
+  #fly() {
+    this.flight = null;
+    const { camera, controls } = this.stage;
+    const from = [camera.position.clone(), controls.target.clone()];
+    this.#frame();
+    if (!this.playing || matchMedia("(prefers-reduced-motion: reduce)").matches) return;
+    this.flight = { from, to: [camera.position.clone(), controls.target.clone()], began: performance.now() };
+    this.#alongFlight(this.flight.began);
+  }
+
+  #alongFlight(now) {
+    const { from, to, began } = this.flight;
+    const u = Math.min(Math.max(now - began, 0) / FLIGHT_MS, 1);
+    const share = u * u * (3 - 2 * u);
+    this.stage.camera.position.lerpVectors(from[0], to[0], share);
+    this.stage.controls.target.lerpVectors(from[1], to[1], share);
+    this.stage.controls.update();
+    if (u >= 1) this.flight = null;
+  }
+
+  /** What a view is framed for: while it stays the same, the camera need not move. */
+  #scene() {
+    if (!this.view.follow) return "all";
+    const k = this.timeline.stepAt(this.time);
+    return k < 0 ? "all" : `${k} ${this.timeline.phase(k, this.time) === "insertion" || this.time >= this.plan.steps[k].times.at(-1)}`;
   }
 
   #invalidate(moved) {
@@ -142,15 +276,19 @@ class Player {
       if (this.time >= this.plan.duration) this.playing = false;
       this.moved = true;
     }
+    if (this.flight && this.stage.userMoved) this.flight = null;
+    if (this.flight) this.#alongFlight(now);
     this.draw();
-    if (this.playing) this.#invalidate(true);
+    if (this.playing || this.flight) this.#invalidate(this.playing);
   }
 
   draw() {
     const { stage, view, time } = this;
     const k = this.timeline.stepAt(time);
     if (this.moved || !this.ready) {
-      this.bodies.update(time, view);
+      const step = this.plan.steps[k];
+      if (view.follow && !stage.userMoved && this.framed !== this.#scene()) this.#fly();
+      this.bodies.update(time, view, view.follow && step ? step.hiding : [], (part) => this.isShown(part));
       this.contacts.update(time, k, view.contacts, view.explode);
       this.panel.update(time, k, k < 0 ? "hold" : this.timeline.phase(k, time), this.playing);
       stage.table.visible = view.table;
@@ -164,7 +302,8 @@ class Player {
     const meshesOf = (parts) => parts.map((part) => this.bodies.items[part].mesh);
     const current = this.plan.steps[k];
     const moving = current && this.timeline.state(current.part, time) === "moving" ? current.moving : [];
-    this.outline.render(stage.camera, meshesOf(moving), meshesOf(this.hovered >= 0 ? [this.hovered] : []));
+    const marked = [...new Set([this.hovered, this.chosen])].filter((part) => part >= 0 && this.isShown(part));
+    this.outline.render(stage.camera, meshesOf(moving.filter((part) => this.isShown(part))), meshesOf(marked));
     this.ready = true;
   }
 
@@ -174,12 +313,17 @@ class Player {
     if (!event) return;
     this.pointer = null;
     const box = this.stage.renderer.domElement.getBoundingClientRect();
+    this.hovered = this.#partAt(event);
+    this.panel.showTip(this.hovered >= 0 ? this.plan.parts[this.hovered].name : "", event.clientX - box.left, event.clientY - box.top);
+  }
+
+  #partAt(event) {
+    const box = this.stage.renderer.domElement.getBoundingClientRect();
     const [x, y] = [event.clientX - box.left, event.clientY - box.top];
     this.raycaster ??= new THREE.Raycaster();
     this.raycaster.setFromCamera(new THREE.Vector2((2 * x) / box.width - 1, 1 - (2 * y) / box.height), this.stage.camera);
-    const hit = this.raycaster.intersectObjects(this.bodies.items.map((item) => item.mesh), false)[0];
-    this.hovered = hit ? hit.object.userData.part : -1;
-    this.panel.showTip(hit ? this.plan.parts[this.hovered].name : "", x, y);
+    const shown = this.bodies.items.filter((item, part) => this.isShown(part)).map((item) => item.mesh);
+    return this.raycaster.intersectObjects(shown, false)[0]?.object.userData.part ?? -1;
   }
 }
 
@@ -205,10 +349,19 @@ function start() {
     steps: player.plan.steps.map((step) => ({ label: step.label, part: player.plan.parts[step.part].name, start: step.start, stop: step.stop })),
     /** Show time t, drawn at once. */
     setTime(t) { player.pause(); player.setTime(t); player.draw(); },
-    /** Set any of explode, contacts, table, xray, cadColors; drawn at once. */
+    /** Set any of explode, contacts, table, xray, cadColors, follow; drawn at once. */
     setView(changes) { player.setView(changes); player.draw(); },
     play() { if (!player.playing) player.toggle(); },
     pause() { player.pause(); },
+    get chosen() { return player.chosen < 0 ? null : player.plan.parts[player.chosen].name; },
+    choose(name) { player.choose(name === null ? -1 : indexOf.get(name)); player.draw(); },
+    isShown(name) { return player.isShown(indexOf.get(name)); },
+    /** Where a point of the world is in the picture [pixels]. */
+    pixelOf(point) {
+      const p = player.stage.toScene(point).project(player.stage.camera);
+      const box = player.stage.renderer.domElement.getBoundingClientRect();
+      return [box.left + (0.5 + 0.5 * p.x) * box.width, box.top + (0.5 - 0.5 * p.y) * box.height];
+    },
     hover(name) { player.hover(name === null ? -1 : indexOf.get(name)); player.draw(); },
     /** T_world_part of the part at the time shown, 4x4; the exploded view does not count. */
     poseOf(name) { return rows(player.timeline.pose(indexOf.get(name), player.time)); },

@@ -2,7 +2,7 @@
 
 /** How a step's part is held, in words: the grasp that carries it first, a push with its force. */
 function contactWords({ contact, carry }) {
-  const short = (value) => +value.toPrecision(3);
+  const short = (value) => (value < 1e-3 ? +value.toFixed(4) : +value.toPrecision(3)); // no exponents
   const words = carry ? [`${carry.kind}, then`, contact.kind] : [contact.kind];
   if (contact.kind === "grasp" && contact.quality !== null) words.push(`of quality ${short(contact.quality)}`);
   if (contact.kind === "push" && contact.force) words.push(`with ${short(Math.hypot(...contact.force[0]))} N`);
@@ -41,7 +41,8 @@ const ANSWERS = { PROVEN_BLOCKED: "proven blocked", UNKNOWN: "unknown" };
 function formatLength(metres) {
   const mm = metres * 1000;
   if (Math.abs(mm) >= 1000) return `${+(mm / 1000).toPrecision(4)} m`;
-  if (mm !== 0 && Math.abs(mm) < 0.001) return `${+(mm * 1000).toPrecision(2)} µm`;
+  if (Math.abs(mm) < 1e-5) return "0 mm"; // less is rounding
+  if (Math.abs(mm) < 0.001) return `${+(mm * 1000).toFixed(2)} µm`;
   return `${+mm.toPrecision(3)} mm`;
 }
 
@@ -50,23 +51,35 @@ function deepest(steps) {
   if (!known.length) return "not measured";
   const worst = known.reduce((a, b) => (b.penetration > a.penetration ? b : a));
   const limit = worst.tolerance === null ? "" : ` of ${formatLength(worst.tolerance)}`;
-  return formatLength(worst.penetration > 1e-9 ? worst.penetration : 0) + limit; // less is rounding
+  return formatLength(worst.penetration) + limit;
 }
 
 function describeStep(step) {
   const facts = [];
-  if (step.segments.length) facts.push(step.segments.map((s) => s.kind).filter((kind) => kind !== "carry").join(" → "));
+  if (step.way) facts.push(`goes in ${step.way}`);
   if (step.declaredPitch !== null) {
     facts.push(`screwed in, pitch ${formatLength(step.declaredPitch)} (declared: the CAD has no thread)`);
   }
   if (step.contact) facts.push(contactWords(step));
-  else if (step.contactReason) facts.push(`no contact: ${step.contactReason}`);
+  else if (step.contactReason) facts.push(`no grasp: ${step.contactReason}`);
   if (step.held.length) facts.push(`hold ${step.held.join(", ")}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");
 }
 
-const PHASES = { hold: "", carry: " · carried over, a way that is not planned", transit: " · transit", insertion: " · insertion" };
+const PHASES = { hold: "", carry: " · carried over, a way that is not planned", transit: " · on its way from where it waits", insertion: " · going in" };
+const KEYS = [
+  ["Space", "play or pause"], ["← →", "previous, next step"], ["Home, End", "first, last"], ["F", "show everything"],
+  ["C", "follow each step"], ["H", "hide the chosen part"], ["I", "show the chosen part alone"], ["Esc", "choose none, show all"],
+];
+
+/** A name that is cut in its middle where there is no room: the end tells _1 from _2. */
+function nameElement(name) {
+  const tail = name.length > 8 ? name.slice(-Math.max(4, (name.match(/_?\d+$/) ?? [""])[0].length)) : "";
+  return element("span", { className: "name" },
+    element("span", { className: "head", textContent: tail ? name.slice(0, -tail.length) : name }),
+    element("span", { className: "tail", textContent: tail }));
+}
 
 class Panel {
   constructor(plan, player) {
@@ -88,7 +101,7 @@ class Panel {
     const badge = unplanned ? "Assembled pose, not planned" : complete ? "Complete & verified" : `Partial: ${plan.unsolved.length} of ${plan.parts.length} parts unsolved`;
     const figures = [
       ["Parts", String(plan.parts.length)], ["Steps", this.#count(plan.steps)],
-      ["Held by a contact", `${held} of ${moves.length}`], ["Deepest overlap", deepest(moves)],
+      ["With a grasp or push", `${held} of ${moves.length}`], ["Deepest overlap", deepest(moves)],
     ];
     const list = element("dl", {}, ...figures.flatMap(([name, value]) => [
       element("dt", { textContent: name }), element("dd", { textContent: value }),
@@ -126,7 +139,7 @@ class Panel {
     const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
     const row = element("button", { type: "button", className: step.depth ? "row inside" : "row", title: name, onclick: () => this.player.showStep(k) },
       element("span", { className: "number", textContent: step.label }), this.#swatch(step.part),
-      element("span", { className: "name", textContent: name }), element("span", { className: "tag", textContent: tag }),
+      nameElement(name), element("span", { className: "tag", textContent: tag }),
       element("span", { className: "more", textContent: this.#members(step) }),
       element("span", { className: "more when-current", textContent: describeStep(step) }));
     this.#hovers(row, step.part);
@@ -148,7 +161,7 @@ class Panel {
     const reason = item.reason.replace(/\.?\s*$/, ".");
     const by = item.blockedBy.length ? ` Blocked by ${item.blockedBy.join(", ")}.` : "";
     const row = element("div", { className: "row unsolved" }, element("span"), this.#swatch(item.part),
-      element("span", { className: "name", textContent: this.plan.parts[item.part].name }),
+      nameElement(this.plan.parts[item.part].name),
       element("span", {
         className: "tag",
         textContent: (ANSWERS[item.answer] ?? item.answer) + (item.provenFor ? ` for ${item.provenFor}` : ""),
@@ -167,7 +180,6 @@ class Panel {
     const { plan, player } = this;
     this.playButton = button("Play (space)", ICONS.play, () => player.toggle(), "play");
     this.slider = element("input", { type: "range", min: 0, max: plan.duration, step: "any", value: 0 });
-    this.slider.setAttribute("aria-label", "Time");
     this.slider.addEventListener("input", () => player.setTime(Number(this.slider.value)));
     this.ticks = plan.steps.map((step) => {
       const tick = element("i", { title: this.#title(step) });
@@ -176,11 +188,10 @@ class Panel {
       tick.style.background = plan.parts[step.part].color;
       return tick;
     });
+    this.slider.setAttribute("aria-label", "Time in the animation");
     const speed = element("select", { title: "Speed" }, ...SPEEDS.map((s) => element("option", { value: s, textContent: `${s}×`, selected: s === 1 })));
-    speed.addEventListener("change", () => {
-      player.speed = Number(speed.value);
-      speed.blur();
-    });
+    speed.setAttribute("aria-label", "Speed");
+    speed.addEventListener("change", () => (player.speed = Number(speed.value)));
     this.clock = element("span", { className: "clock" });
     document.getElementById("bar").replaceChildren(
       element("div", { className: "buttons" }, button("Previous step (←)", ICONS.previous, () => player.skip(-1)), this.playButton,
@@ -200,9 +211,32 @@ class Panel {
     document.getElementById("tools").append(
       element("label", {}, "Explode", this.explode), toggle("contacts", "Contacts", "Show how the moving part is held"),
       toggle("table", "Table", "Show the table and the tray"), toggle("xray", "See through", "Make placed parts transparent"),
+      toggle("follow", "Follow", "Look at each step from where it is best seen (C)"),
       ...(this.plan.parts.some((part) => part.cadColor) ? [toggle("cadColors", "CAD colours", "Use the colours of the source file")] : []),
-      element("button", { type: "button", textContent: "Fit", title: "Show everything (F)", onclick: () => player.fit() }));
+      element("button", { type: "button", textContent: "Fit", title: "Show everything (F)", onclick: () => player.fit() }),
+      this.#shortcuts());
     this.showView(player.view);
+    this.choice = element("div", { id: "choice", hidden: true });
+    this.choice.setAttribute("role", "group");
+    this.choice.setAttribute("aria-label", "The chosen part");
+    document.getElementById("stage").append(this.choice);
+  }
+
+  #shortcuts() {
+    const list = element("dl", {}, ...KEYS.flatMap(([key, what]) => [element("dt", { textContent: key }), element("dd", { textContent: what })]));
+    return element("details", { className: "keys" }, element("summary", { textContent: "Keys" }), list);
+  }
+
+  /** Say which part is chosen, and what can be done with it; nothing is chosen with -1. */
+  showChoice(part, hidden, alone) {
+    this.choice.hidden = part < 0 && !hidden;
+    const { player } = this;
+    const act = (label, title, onclick) => element("button", { type: "button", textContent: label, title, onclick });
+    this.choice.replaceChildren(...(part < 0 ? [] : [
+      element("b", {}, nameElement(this.plan.parts[part].name)),
+      act("Hide", "Hide this part (H)", () => player.hide(part)),
+      act(alone ? "With others" : "Alone", "Show this part alone (I)", () => player.isolate(part)),
+    ]), ...(hidden ? [act("Show all", "Show all parts again (Esc)", () => player.choose(-1))] : []));
   }
 
   /** Let the switches and the slider say what is shown. */
@@ -220,6 +254,8 @@ class Panel {
     this.slider.value = t;
     if (this.playing !== playing) {
       setIcon(this.playButton, playing ? ICONS.pause : ICONS.play);
+      this.playButton.title = playing ? "Pause (space)" : "Play (space)";
+      this.playButton.setAttribute("aria-label", this.playButton.title);
       this.playing = playing;
     }
     const what = step && step.poses.length < 2 ? " · base part, stays in place" : PHASES[phase];
@@ -227,6 +263,7 @@ class Panel {
     this.caption.replaceChildren(
       element("b", { textContent: step ? this.#title(step) : "No step was found" }),
       element("span", { textContent: step ? `Step ${step.label} of ${plan.steps.at(-1).label}${where}${over ? " · done" : what}` : "All parts are shown in place" }));
+    this.slider.setAttribute("aria-valuetext", step ? `step ${step.label}, ${this.#title(step)}, ${seconds(t)}` : seconds(t));
     if (this.current === k) return;
     this.current = k;
     this.rows.forEach((row, i) => {
@@ -237,8 +274,10 @@ class Panel {
     });
     const row = this.rows[k];
     if (!row) return;
-    const [view, here] = [this.lists.getBoundingClientRect(), row.getBoundingClientRect()];
-    if (here.top < view.top || here.bottom > view.bottom) this.lists.scrollTop += here.top - view.top - view.height / 3;
+    // on a narrow page the list scrolls together with what is above it
+    const scroller = getComputedStyle(this.lists).overflowY === "visible" ? this.lists.parentElement : this.lists;
+    const [view, here] = [scroller.getBoundingClientRect(), row.getBoundingClientRect()];
+    if (here.top < view.top || here.bottom > view.bottom) scroller.scrollTop += here.top - view.top - view.height / 3;
   }
 
   showTip(name, x, y) {

@@ -43,6 +43,21 @@ class Stage {
     return new THREE.Vector3(...point).applyMatrix4(this.world.matrix);
   }
 
+  /** A direction of the plan in the coordinates of the scene. */
+  directionOf(vector) {
+    return this.toScene(vector).sub(this.toScene([0, 0, 0])).normalize();
+  }
+
+  /** Points, and the corners of their box grown until it is `share` of the box of others, where that is larger. */
+  widened(points, others, share) {
+    const boxOf = (corners) => new THREE.Box3().setFromPoints(corners.map((p) => new THREE.Vector3(...p)));
+    const [box, around] = [boxOf(points), boxOf(others.length ? others : points)];
+    const short = share * around.getSize(new THREE.Vector3()).length() - box.getSize(new THREE.Vector3()).length();
+    const grown = box.clone().expandByScalar(Math.max(0, 0.25 * short)).intersect(box.clone().union(around));
+    const [a, b] = [grown.min, grown.max];
+    return [...points, ...[a.x, b.x].flatMap((x) => [a.y, b.y].flatMap((y) => [a.z, b.z].map((z) => [x, y, z])))];
+  }
+
   #light() {
     // no environment map: making one takes seconds where there is no graphics hardware
     this.scene.add(new THREE.HemisphereLight("#ffffff", "#7f8b9a", 1.8));
