@@ -67,8 +67,8 @@ class PipelineConfig:
     explain_order: bool = False
     """Whether each step says what else could have come, and why it did not; by method ``cascade`` only."""
     max_attempts: int = 6
-    """Most sequences that are tried, the first two of them in the order that is searched for. Where a motion fails or is
-    refuted, the next one does without that direction."""
+    """Most sequences that are tried, the first two of them in the order that is searched for. Where a motion fails or
+    is refuted, the next one does without that direction."""
     contact_attempts: int = 1
     """Of these, sequences tried for the sake of contacts alone: every motion holds, but for some step there is no
     contact, so that its departure is refused in the next. The plan with most parts, then with most contacts, is taken.
