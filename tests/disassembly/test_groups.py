@@ -258,5 +258,7 @@ def test_the_summary_names_the_members(plan: AssemblyPlan) -> None:
     lines = summary_lines(plan, PARTS)
     assert lines[0] == "complete and verified: 4 of 4 parts placed"
     assert lines[1].startswith("motions 3/3 · contacts ")
-    assert "subassembly of 2: front, back, along" in lines[4]
-    assert len(lines) == 7
+    assert lines[2].startswith("cost of the order ")
+    steps = lines[3:7]
+    assert steps[0].split()[0] == "1"
+    assert sum("subassembly of 2: front, back, along" in line for line in steps) == 1

@@ -8,6 +8,8 @@ import manifold3d
 import numpy as np
 from jaxtyping import Float, Int
 
+_ABSURD = 1e100
+
 
 def triangulate(
     vertices: Float[np.ndarray, "vertex 3"], polygons: Int[np.ndarray, "face 3"] | Sequence[Sequence[int]]
@@ -30,6 +32,8 @@ def triangulate_polygon(
     if len(polygon) == 3 or polygon.min() < 0 or polygon.max() >= len(vertices):
         return fan
     points = vertices[polygon]
+    if not (np.abs(points) < _ABSURD).all():  # readers refuse such coordinates; squares of them are no numbers
+        return fan
     normal = polygon_normal(points)
     cross = np.cross(points[1:-1] - points[0], points[2:] - points[0])
     if (cross @ normal >= 0.0).all() or not np.isfinite(normal).all() or not normal.any():
