@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path, PurePath
+from pathlib import Path
 
 import numpy as np
 from manifold3d import Error
@@ -12,13 +12,10 @@ from sashimono.doctor import Diagnosis
 from sashimono.doctor.report import verdict
 from sashimono.files import atomic_write
 from sashimono.geometry.mesh.solid import to_manifold
-from sashimono.view.appearance import BASE_COLOR
 from sashimono.view.config import ViewConfig
 from sashimono.view.explanation import pack_triangles
 from sashimono.view.html import render_page
-from sashimono.view.playback import UP
-from sashimono.view.scene import Packer, ViewerScene, pack_mesh, pose_rows
-from sashimono.view.shapes import make_shapes
+from sashimono.view.scene import Packer, ViewerScene, still_product
 
 SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.js", "doctor.js")
 """The page's own scripts, in the order in which they are joined."""
@@ -31,33 +28,15 @@ def make_diagnosis_scene(found: Diagnosis, config: ViewConfig) -> ViewerScene:
     """Return what was found and the geometry, ready to be put into the page."""
     parts = (*found.assembly.parts, *(part for part, _ in found.broken))
     index = {part.name: k for k, part in enumerate(parts)}
-    shapes = make_shapes(parts, config)
     packer = Packer()
     marks = [
         None if k >= MOST_MARKS else _shared(parts[index[pair.first]], parts[index[pair.second]], packer)
         for k, pair in enumerate(found.overlaps)
     ]
-    source = found.assembly.source
-    title = "assembly" if source is None else PurePath(source.path.replace("\\", "/")).name
-    json = {
-        "title": title,
-        "up": list(UP),
-        "table": None,
-        "steps": [],
+    json = still_product(found.assembly.source, parts, config, packer) | {
         "ok": found.ok,
         "verdict": verdict(found),
         "facts": _facts(found),
-        "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
-        "parts": [
-            {
-                "name": part.name,
-                "shape": use.shape,
-                "shapePose": pose_rows(use.T_part_shape),
-                "assembled": pose_rows(part.T_world_part),
-                "color": BASE_COLOR,
-            }
-            for part, use in zip(parts, shapes.uses, strict=True)
-        ],
         "findings": [
             {
                 "kind": each.kind,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,12 +14,9 @@ from sashimono.disassembly.explanation.explain import BlockedDirection, Blocker,
 from sashimono.disassembly.explanation.report import change_words, explanation_lines
 from sashimono.files import atomic_write
 from sashimono.geometry.features.directions import direction_name
-from sashimono.view.appearance import BASE_COLOR
 from sashimono.view.config import ViewConfig
 from sashimono.view.html import render_page
-from sashimono.view.playback import UP
-from sashimono.view.scene import Packer, ViewerScene, pack_mesh, pose_rows
-from sashimono.view.shapes import make_shapes
+from sashimono.view.scene import Packer, ViewerScene, still_product
 
 SCRIPTS = ("se3.js", "data.js", "bodies.js", "contacts.js", "stage.js", "panel.js", "explain.js")
 """The page's own scripts, in the order in which they are joined."""
@@ -65,25 +62,8 @@ def _direction(found: Explanation, entry: BlockedDirection, assembly: Assembly, 
 
 def make_explanation_scene(found: Sequence[Explanation], assembly: Assembly, config: ViewConfig) -> ViewerScene:
     """Return the explanations and the geometry, ready to be put into the page."""
-    shapes = make_shapes(assembly.parts, config)
     packer = Packer()
-    title = "assembly" if assembly.source is None else PurePath(assembly.source.path.replace("\\", "/")).name
-    json = {
-        "title": title,
-        "up": list(UP),
-        "table": None,
-        "steps": [],
-        "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
-        "parts": [
-            {
-                "name": part.name,
-                "shape": use.shape,
-                "shapePose": pose_rows(use.T_part_shape),
-                "assembled": pose_rows(part.T_world_part),
-                "color": BASE_COLOR,
-            }
-            for part, use in zip(assembly.parts, shapes.uses, strict=True)
-        ],
+    json = still_product(assembly.source, assembly.parts, config, packer) | {
         "explanations": [
             {
                 "part": assembly.index(entry.part),

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, Part, Source
 from sashimono.plan import AssemblyPlan, Contact
-from sashimono.view.appearance import part_colors, srgb_hex
+from sashimono.view.appearance import BASE_COLOR, part_colors, srgb_hex
 from sashimono.view.config import ViewConfig
 from sashimono.view.display_mesh import DisplayMesh
 from sashimono.view.explode import explosion_offsets
@@ -87,6 +87,28 @@ def pack_mesh(mesh: DisplayMesh, packer: Packer) -> dict[str, Any]:
 def pose_rows(T: Float[np.ndarray, "4 4"]) -> list[float]:
     """Return the upper three rows, row by row."""
     return T[:3].reshape(-1).tolist()
+
+
+def still_product(source: Source | None, parts: tuple[Part, ...], config: ViewConfig, packer: Packer) -> dict[str, Any]:
+    """Return what a page needs to show parts where they are assembled, grey, without a table and steps."""
+    shapes = make_shapes(parts, config)
+    return {
+        "title": "assembly" if source is None else PurePath(source.path.replace("\\", "/")).name,
+        "up": list(UP),
+        "table": None,
+        "steps": [],
+        "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
+        "parts": [
+            {
+                "name": part.name,
+                "shape": use.shape,
+                "shapePose": pose_rows(use.T_part_shape),
+                "assembled": pose_rows(part.T_world_part),
+                "color": BASE_COLOR,
+            }
+            for part, use in zip(parts, shapes.uses, strict=True)
+        ],
+    }
 
 
 def _finite(value: Any) -> float | None:
