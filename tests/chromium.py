@@ -63,7 +63,11 @@ CONTROLS = (
 )
 """Everything that can be pressed, chosen or typed into."""
 
-DESCRIBE = "((node) => (node.id || node.getAttribute('aria-label') || node.title || node.textContent || node.tagName).trim().slice(0, 60))"
+DESCRIBE = (
+    "((node) => (node.id || node.getAttribute('aria-label') || node.title || node.textContent || node.tagName)"
+    ".trim().slice(0, 60))"
+)
+"""How a control is named in what a test says."""
 
 
 def unreached_by_tab(page: Any) -> list[str]:

@@ -256,7 +256,12 @@ class Panel {
   }
 
   #shortcuts() {
-    return element("dl", {}, ...KEYS.flatMap(([key, what]) => [element("dt", { textContent: key }), element("dd", { textContent: what })]));
+    const list = element("dl", {}, ...KEYS.flatMap(([key, what]) => [element("dt", { textContent: key }), element("dd", { textContent: what })]));
+    // where it is too long for the window, the arrow keys move it
+    const frame = element("div", { className: "keys", tabIndex: 0 }, list);
+    frame.setAttribute("role", "region");
+    frame.setAttribute("aria-label", "Keys");
+    return frame;
   }
 
   /** A list that opens below its word, and closes when something else is pressed. */
