@@ -452,7 +452,7 @@ def doctor(
     """
     from dataclasses import replace
 
-    from sashimono.doctor import diagnosis_as_dict, diagnosis_lines, examine
+    from sashimono.examination import diagnosis_as_dict, diagnosis_lines, examine
     from sashimono.io.read import inspect_assembly
 
     refuse_bad_files({"--json": json_file, "--html": html_file})
@@ -482,7 +482,7 @@ def diff(
 
     Exit status 0 if nothing changed, 1 if something did, 3 if the old plan does not work any more.
     """
-    from sashimono.diff import compare, read_side, revision_as_dict, revision_lines
+    from sashimono.revision import compare, read_side, revision_as_dict, revision_lines
 
     refuse_bad_files({"--json": json_file})
     before = read_side(old, unit=unit)

@@ -16,7 +16,7 @@ from view_example import stacked_blocks
 
 from sashimono import explain
 from sashimono.assembly import Assembly
-from sashimono.doctor import examine
+from sashimono.examination import examine
 from sashimono.io.read import Inspection
 from sashimono.view import write_diagnosis, write_explanation, write_html
 from sashimono.view.manual import write_manual
