@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import igl
 import manifold3d
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -76,10 +75,8 @@ class SampledBody:
         origin = corner[:, 0] + a[:, None] * (corner[:, 1] - corner[:, 0]) + b[:, None] * (corner[:, 2] - corner[:, 0])
         inward = -self._normals[face, 0]
         start = 1e-6 * self.size
-        tree = igl.AABB()
-        tree.init(self.vertices, self.faces)
-        hit, along, _ = tree.intersect_ray_first(self.vertices, self.faces, origin + start * inward, inward)
-        thickness = np.asarray(along).reshape(-1)[np.asarray(hit).reshape(-1) >= 0]
+        along = self._surface.first_hit(origin + start * inward, inward)
+        thickness = along[np.isfinite(along)]
         return float(np.quantile(thickness, 0.05)) if len(thickness) else self.smallest_extent
 
     @cached_property

@@ -33,9 +33,14 @@ class Surface:
         self,
         vertices: Float[np.ndarray, "vertex 3"],
         faces: Int[np.ndarray, "face 3"],
-        normals: Float[np.ndarray, "face 7 3"],
+        normals: Float[np.ndarray, "face 7 3"] | None = None,
     ) -> None:
-        """Take in the mesh, and the normals of each face, of its corners, and of its edges ab, bc, ca."""
+        """Take in the mesh, and the normals of each face, of its corners, and of its edges ab, bc, ca.
+
+        Without normals no distance has a sign.
+        """
+        if normals is None:
+            normals = np.zeros((len(faces), 7, 3))
         self._vertices, self._faces, self._normals = vertices, faces, normals
         self._near = _ON_FEATURE * float(np.linalg.norm(np.ptp(vertices, axis=0)))
 
@@ -56,6 +61,17 @@ class Surface:
         A closed surface's winding number is the count of its crossings by a ray, out less in.
         """
         return _contained(np.ascontiguousarray(points, dtype=np.float64), self._near, *self._tree)
+
+    def gap(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the distance of each point to the surface [m], from inside too."""
+        return _gaps(np.ascontiguousarray(points, dtype=np.float64), *self._tree)
+
+    def first_hit(
+        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, "n"]:
+        """Return how far along its direction each ray first meets the surface; infinite if it does not."""
+        rays = (np.ascontiguousarray(origins, dtype=np.float64), np.ascontiguousarray(directions, dtype=np.float64))
+        return _first_hits(*rays, *self._tree)
 
     def nearest_face(self, points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "n"]:
         """Return the face nearest to each point; of several (at an edge), that which the point is straightest over."""
@@ -215,10 +231,14 @@ def _is_inside(x, y, z, cx, cy, cz, face, near, triangles, normals):  # pragma: 
 
 @njit(cache=True, nogil=True)
 def _meets_box(x, y, z, ray, box):  # pragma: no cover - compiled
-    """Whether the ray meets the box; no component of the ray is 0."""
+    """Whether the ray meets the box."""
     first, last = 0.0, np.inf
     for axis in range(3):
         at = x if axis == 0 else (y if axis == 1 else z)
+        if ray[axis] == 0.0:
+            if at < box[0, axis] or at > box[1, axis]:
+                return False
+            continue
         t0, t1 = (box[0, axis] - at) / ray[axis], (box[1, axis] - at) / ray[axis]
         first, last = max(first, min(t0, t1)), min(last, max(t0, t1))
     return first <= last * (1.0 + 1e-12)
@@ -309,6 +329,60 @@ def _contained(points, near, boxes, starts, triangles, normals):  # pragma: no c
             _, face, cx, cy, cz = _nearest(x, y, z, np.inf, boxes, starts, triangles)
             out[k] = _is_inside(x, y, z, cx, cy, cz, face, near, triangles, normals)
     return out
+
+
+@njit(cache=True, nogil=True)
+def _gaps(points, boxes, starts, triangles, normals):  # pragma: no cover - compiled
+    out = np.empty(len(points))
+    for k in range(len(points)):
+        squared, _, _, _, _ = _nearest(points[k, 0], points[k, 1], points[k, 2], np.inf, boxes, starts, triangles)
+        out[k] = np.sqrt(squared)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _first_hits(origins, directions, boxes, starts, triangles, normals):  # pragma: no cover - compiled
+    """Möller & Trumbore (1997), edges included."""
+    inner = len(starts) - 2
+    nodes = np.empty(_STACK, np.int32)
+    out = np.empty(len(origins))
+    for k in range(len(origins)):
+        ray = directions[k]
+        x, y, z = origins[k, 0], origins[k, 1], origins[k, 2]
+        best = np.inf
+        nodes[0] = 0
+        top = 1
+        while top > 0:
+            top -= 1
+            node = nodes[top]
+            if not _meets_box(x, y, z, ray, boxes[node]):
+                continue
+            if node < inner:
+                nodes[top], nodes[top + 1] = 2 * node + 1, 2 * node + 2
+                top += 2
+                continue
+            for m in range(starts[node - inner], starts[node - inner + 1]):
+                best = min(best, _travel_to(x, y, z, ray, triangles[m]))
+        out[k] = best
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _travel_to(x, y, z, ray, t):  # pragma: no cover - compiled
+    """Where along a ray it meets a triangle, infinite if it does not."""
+    e1x, e1y, e1z = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
+    e2x, e2y, e2z = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
+    px, py, pz = ray[1] * e2z - ray[2] * e2y, ray[2] * e2x - ray[0] * e2z, ray[0] * e2y - ray[1] * e2x
+    det = e1x * px + e1y * py + e1z * pz
+    if det == 0.0:
+        return np.inf
+    sx, sy, sz = x - t[0, 0], y - t[0, 1], z - t[0, 2]
+    qx, qy, qz = sy * e1z - sz * e1y, sz * e1x - sx * e1z, sx * e1y - sy * e1x
+    u, v = (sx * px + sy * py + sz * pz) / det, (ray[0] * qx + ray[1] * qy + ray[2] * qz) / det
+    along = (e2x * qx + e2y * qy + e2z * qz) / det
+    if u < -1e-9 or v < -1e-9 or u + v > 1.0 + 1e-9 or along < 0.0:
+        return np.inf
+    return along
 
 
 @njit(cache=True, nogil=True)
