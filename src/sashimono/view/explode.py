@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import igl
 import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, frozen_array
 from sashimono.geometry import se3
+from sashimono.geometry.distance.signed_distance import SignedDistance
 from sashimono.geometry.mesh.measures import sample_surface
 from sashimono.plan import AssemblyPlan, Step
 from sashimono.view.config import ViewConfig
@@ -134,6 +134,7 @@ class _Surfaces:
         self._meshes = {
             part.name: (se3.apply(plan.parts[part.name], part.vertices_part), part.faces) for part in assembly.parts
         }
+        self._distances: dict[str, SignedDistance] = {}
         self._samples: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
     def seat(self, names: Sequence[str], placed: Sequence[str], away: Float[np.ndarray, "3"]) -> str | None:
@@ -154,13 +155,13 @@ class _Surfaces:
             return 0.0
         points, normals = self._points(name)
         near = ((points >= low) & (points <= high)).all(axis=1)
-        vertices, faces = self._meshes[other]
-        corners = vertices[faces]
-        reach = ((corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)).all(axis=1)
-        if not near.any() or not reach.any():
+        if not near.any():
             return 0.0
-        squared, _, _ = igl.point_mesh_squared_distance(points[near], vertices, faces[reach].astype(np.int64))
-        on = np.asarray(squared) <= slack**2
+        if other not in self._distances:
+            self._distances[other] = SignedDistance(*self._meshes[other])
+        # farther than what is asked about it is infinite
+        distance, _ = self._distances[other].normals(points[near], 1.01 * slack)
+        on = np.abs(distance) <= slack
         forward = on & (normals[near] @ away < -_AHEAD)
         return (100.0 * float(forward.sum()) + float(on.sum())) / len(points)
 
