@@ -67,6 +67,7 @@ ROOMS = {
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
+        {"straying"},
         {"free_travel"},
         {"paths", "shared_bodies"},
         {"blocking"},

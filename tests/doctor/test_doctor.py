@@ -15,7 +15,7 @@ from solids import Manifold, box, rod
 
 import sashimono
 from sashimono.cli import BAD_INPUT, DIFFERS, OK, run
-from sashimono.examination import Diagnosis, diagnosis_as_dict, diagnosis_lines, examine
+from sashimono.examination import Diagnosis, DoctorConfig, diagnosis_as_dict, diagnosis_lines, examine
 from sashimono.io.read import inspect_assembly
 
 
@@ -251,3 +251,23 @@ def test_the_public_function_says_the_same_and_shows_itself_shortly(tmp_path: Pa
     table = found._repr_html_()
     assert table.count("<tr>") == 1 + len(found.findings)
     assert sashimono.write_diagnosis(found, tmp_path / "page.html").stat().st_size > 0
+
+
+def test_what_is_looked_at_is_bounded_and_said(tmp_path: Path) -> None:
+    """A row of six blocks that touch, and five that nothing touches."""
+    row = {f"row_{k}": box((0.02, 0.02, 0.02), (0.02 * k, 0.0, 0.0)) for k in range(6)}
+    far = {f"far_{k}": box((0.02, 0.02, 0.02), (0.1 * k, 0.3, 0.0)) for k in range(5)}
+    inspection = inspect_assembly(write_folder(tmp_path / "in", **row, **far))
+    whole = examine(inspection)
+    assert sum(bool(others) for others in whole.touching.values()) == 6
+    assert [finding.kind for finding in whole.findings].count("floating") == 5
+    few = examine(inspection, config=DoctorConfig(neighbours=2, loose=2))
+    assert sum(bool(others) for others in few.touching.values()) < 6
+    said = [finding for finding in few.findings if finding.kind in ("neighbours", "floating")]
+    assert [finding.message for finding in said if finding.kind == "neighbours"] == [
+        "2 pairs of neighbours were looked at for contact and clearance, and 3 were not."
+    ]
+    loose = [finding for finding in said if finding.kind == "floating"]
+    assert sorted(len(finding.parts) for finding in loose) == [1, 1, 3]
+    # of the blocks of the row nobody says that nothing touches them
+    assert {name for finding in loose for name in finding.parts} == set(far)

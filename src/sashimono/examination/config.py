@@ -43,6 +43,10 @@ class DoctorConfig:
     """Depths are measured of so many pairs, the worst first."""
     depth_points: int = 1500
     """Points looked at for the depth of one overlap."""
+    neighbours: int = 20_000
+    """Pairs whose boxes meet that are looked at for contact and clearance; of more, a note says so."""
+    loose: int = 40
+    """Parts that nothing touches of which the nearest part is sought, and which have a line of their own."""
     rays: int = 64
     """Directions in which a part is looked at, from points all over its surface."""
     seen_from: tuple[int, ...] = (4, 32)

@@ -48,7 +48,7 @@ def examine(inspection: Inspection, *, config: DoctorConfig | None = None) -> Di
     findings += _overlaps(overlaps, inspection)
     locked = shut_in(assembly)
     findings += _shut(locked)
-    findings += _apart(pairs, {part for part, _ in locked})
+    findings += _apart(pairs, {part for part, _ in locked}, config)
     if len(assembly):
         hidden = unseen(assembly, bodies, [part for part, _ in broken], config)
         findings += _unseen([name for name in hidden if name not in {part for part, _ in locked}])
@@ -160,10 +160,25 @@ def _shut(locked: Sequence[tuple[str, str]]) -> Iterable[Finding]:
         )  # fmt: skip
 
 
-def _apart(pairs: Pairs, known: Collection[str]) -> Iterable[Finding]:
+def _apart(pairs: Pairs, known: Collection[str], config: DoctorConfig) -> Iterable[Finding]:
     touching = pairs.touching
-    loose = [name for name, others in touching.items() if not others and name not in known]
-    for name in loose:
+    # of parts whose neighbours were not all looked at nothing is said
+    unknown = {name for pair in pairs.left_out for name in pair}
+    if unknown:
+        yield Finding(
+            kind="neighbours", severity="note", parts=(),
+            message=f"{config.neighbours} pairs of neighbours were looked at for contact and clearance, and"
+            f" {len(pairs.left_out)} were not.",
+        )  # fmt: skip
+    loose = [name for name, others in touching.items() if not others and name not in known and name not in unknown]
+    if len(loose) > config.loose:
+        more = loose[config.loose :]
+        yield Finding(
+            kind="floating", severity="warning", parts=tuple(more),
+            message=f"nothing touches {len(more)} more parts: {_some(more)}.",
+            way_out="They will count as held in the air; put them in contact, or leave them out with --exclude.",
+        )  # fmt: skip
+    for name in loose[: config.loose]:
         near = pairs.nearest(name)
         if near is not None:
             yield Finding(
@@ -172,7 +187,7 @@ def _apart(pairs: Pairs, known: Collection[str]) -> Iterable[Finding]:
                 way_out="It will count as held in the air; put it in contact, or leave it out with --exclude.",
             )  # fmt: skip
     groups = [group for group in _groups(touching) if len(group) > 1]
-    if len(groups) > 1:
+    if len(groups) > 1 and not unknown:
         shown = _examples([f"{len(group)} parts with {group[0]}" for group in groups])
         yield Finding(
             kind="groups", severity="warning", parts=tuple(group[0] for group in groups),

@@ -43,10 +43,19 @@ class Pairs:
             yield from ((names[i], names[i + 1 + int(k)]) for k in np.flatnonzero(meet))
 
     @cached_property
+    def _neighbours(self) -> list[tuple[str, str]]:
+        return list(self._near())
+
+    @property
+    def left_out(self) -> list[tuple[str, str]]:
+        """Pairs whose boxes meet, and which were not looked at because there are too many."""
+        return self._neighbours[self.config.neighbours :]
+
+    @cached_property
     def _looked_at(self) -> tuple[dict[str, list[str]], list[Clearance]]:
         touching: dict[str, list[str]] = {name: [] for name in self.assembly.names}
         clearances = []
-        for first, second in self._near():
+        for first, second in self._neighbours[: self.config.neighbours]:
             smallest = self.smaller(first, second)
             sides = [self._gaps(first, second), self._gaps(second, first)]
             reach = self.config.touching * smallest
