@@ -32,7 +32,7 @@ LEVELS = [
     {"disassembly"},
     {"motion"},
     {"contact"},
-    {"tree"},
+    {"tree", "bought"},
     {"verify", "view"},
     {"d4pas", "diff"},
     {"learning"},
@@ -56,7 +56,8 @@ ROOMS = {
         {"mending"},
         {"formats"},
         {"plan_schema"},
-        {"checks", "plan_json", "resting_file", "constraints_file"},
+        {"checks", "plan_json", "resting_file", "constraints_file", "tree"},
+        {"kept"},
         {"read"},
         {"plan_input"},
     ],
@@ -80,7 +81,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree"}
+ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree", "bought"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

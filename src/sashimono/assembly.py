@@ -75,6 +75,25 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Product:
+    """A product nested in the file's own structure: several parts that the designer drew as one thing."""
+
+    name: str
+    """Unique among products and parts."""
+    parts: tuple[str, ...]
+    """All of its parts, those of products inside it too, in part order; at least two, and never all there are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kept:
+    """A product that stays one part, because it is bought as one or because the user wants that."""
+
+    product: str
+    """The product, and the part that it became."""
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Source:
     """Where an assembly was read from, so that a plan can be checked against it."""
 
@@ -87,6 +106,10 @@ class Source:
     """Which parts of several solids were taken apart (`ReadConfig.split`)."""
     excluded: tuple[str, ...] = ()
     """Parts that were left out (`ReadConfig.exclude`)."""
+    products: tuple[Product, ...] = ()
+    """The product tree as the file has it, before anything was kept together."""
+    kept: tuple[Kept, ...] = ()
+    """Products that stay one part (`ReadConfig.kept`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +136,9 @@ class Assembly:
     """Classes of parts with the same shape; only classes of two or more."""
     notes: tuple[str, ...] = ()
     """What was mended or looked doubtful while reading, one line each."""
+    products: tuple[Product, ...] = ()
+    """The products that are made of several of these parts, the outer ones first; two of them share parts only where
+    one is inside the other."""
     _index: dict[str, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -214,9 +214,16 @@ def plan(
     exclude: Annotated[
         list[str] | None, typer.Option(metavar="PART", help="leave a part out; repeatable; a name or a pattern")
     ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="a product of INPUT's tree stays one part; repeatable; a name or a pattern"),
+    ] = None,
+    flat: Annotated[
+        bool, typer.Option("--flat", help="plan all parts side by side, whatever INPUT's product tree says")
+    ] = False,
     constraints: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="a .toml file with base, up, before and exclude: the one beside a plan"),
+        typer.Option(metavar="FILE", help="a .toml file with base, up, before, exclude, keep: the one beside a plan"),
     ] = None,
     resting: Annotated[
         Path | None,
@@ -245,7 +252,9 @@ def plan(
         from sashimono.disassembly.physics.batch import find_device
 
         find_device(device)
-    wishes = read_constraints(constraints, base=base, up=up, before=before or (), exclude=exclude or ())
+    wishes = read_constraints(
+        constraints, base=base, up=up, before=before or (), exclude=exclude or (), keep=keep or (), flat=flat
+    )
     if method == "physics" and (wishes.base is not None or wishes.before):
         raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
     if method != "cascade" and explain_order:

@@ -69,12 +69,15 @@ def plan_and_write(
     """
     from dataclasses import replace
 
+    from sashimono.bought import find_bought
     from sashimono.console import progress_display, summary_lines
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.sequence.constraints import OrderConstraints
     from sashimono.disassembly.sequence.greedy import SequenceConfig
+    from sashimono.disassembly.sequence.products import ProductConfig
     from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.constraints_file import Wishes
+    from sashimono.io.kept import keep_together
     from sashimono.io.read import read_assembly
     from sashimono.io.resting_file import read_resting_poses
     from sashimono.motion import MotionConfig, TableConfig
@@ -85,7 +88,12 @@ def plan_and_write(
     waiting = None if resting is None else read_resting_poses(resting)
     wishes = wishes or Wishes()
     assembly = read_assembly(source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude))
-    sequence = SequenceConfig(constraints=OrderConstraints(base=wishes.base, before=wishes.before))
+    if not wishes.flat:
+        assembly = keep_together(assembly, find_bought(assembly, keep=wishes.keep))
+    sequence = SequenceConfig(
+        constraints=OrderConstraints(base=wishes.base, before=wishes.before),
+        products=ProductConfig(enabled=not wishes.flat),
+    )
     if wishes.up is not None:
         sequence = replace(sequence, up=wishes.up)
     with progress_display() as display:
@@ -139,7 +147,14 @@ def unit_of(assembly: Assembly) -> str:
 
 
 def read_constraints(
-    file: Path | None, *, base: str | None, up: str | None, before: Sequence[str], exclude: Sequence[str]
+    file: Path | None,
+    *,
+    base: str | None,
+    up: str | None,
+    before: Sequence[str],
+    exclude: Sequence[str],
+    keep: Sequence[str] = (),
+    flat: bool = False,
 ) -> Wishes:
     """Return what a constraints file and the options beside it say; SashimonoError for what cannot be read.
 
@@ -149,6 +164,8 @@ def read_constraints(
         up: Three numbers, separated by commas.
         before: Pairs ``A:B``.
         exclude: Names or patterns.
+        keep: Names of products, or patterns.
+        flat: Whether the product tree is not looked at.
     """
     from sashimono.io.constraints_file import Wishes, read_wishes
 
@@ -165,8 +182,11 @@ def read_constraints(
         except ValueError:
             raise SashimonoError(f"--up {up}: not X,Y,Z. Give three numbers with commas between.") from None
         direction = (x, y, z)
-    own = Wishes(base=base, up=direction, before=tuple(pairs), exclude=tuple(exclude))
-    return own if file is None else read_wishes(file).and_then(own)
+    own = Wishes(base=base, up=direction, before=tuple(pairs), exclude=tuple(exclude), keep=tuple(keep), flat=flat)
+    wishes = own if file is None else read_wishes(file).and_then(own)
+    if wishes.flat and wishes.keep:
+        raise SashimonoError(f"--keep {wishes.keep[0]} and --flat contradict one another. Take one of them away.")
+    return wishes
 
 
 def find_gripper(name: str) -> str | Gripper:

@@ -176,7 +176,8 @@ class Step:
     """What else could have come here, and why it did not; None where that was not asked."""
 
     def __repr__(self) -> str:
-        what = f"subassembly of {few_words(self.members)}" if self.moving else repr(self.part)
+        name = "" if self.product is None else f"{self.product}, "
+        what = f"{name}subassembly of {few_words(self.members)}" if self.moving else repr(self.part)
         return f"Step({what} onto {len(self.fixed)} parts, {len(self.motion.T_world_part)} poses, {self.moved_by})"
 
     @property
@@ -230,6 +231,11 @@ class Step:
         """All parts that this step brings."""
         return self.moving or (self.part,)
 
+    @property
+    def product(self) -> str | None:
+        """The product of the input's tree that it brings; None for any other subassembly, and for a part."""
+        return None if self.subassembly is None else self.subassembly.product
+
     def member_poses(
         self, name: str, assembled: Mapping[str, Float[np.ndarray, "4 4"]]
     ) -> Float[np.ndarray, "pose 4 4"]:
@@ -257,6 +263,21 @@ class Subassembly:
     table: Table | None
     fixture: Fixture | None = None
     """What holds its base above its table; None if that stands on it."""
+    product: str | None = None
+    """The product of the input's tree that it is; None where it moves as one because no part leaves alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedProduct:
+    """A product of the input's tree, and how it is put together."""
+
+    name: str
+    parts: tuple[str, ...]
+    """All of its parts."""
+    planned: Literal["subassembly", "base", "apart"]
+    """On a bench of its own, and brought as one; first of all, where it stands; or part by part like all others."""
+    reason: str = ""
+    """Why it is not put together by itself, or which of its parts come later."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -335,6 +356,8 @@ class AssemblyPlan:
     """Assembly order, base part first; a subassembly by the name of one of its parts."""
     steps: tuple[Step, ...]
     """One for each name in ``order``."""
+    products: tuple[PlannedProduct, ...] = ()
+    """How the products of the input's tree were planned, the outer ones first; none where it has no tree."""
     unsolved: tuple[Unsolved, ...] = ()
     table: Table | None = None
     fixture: Fixture | None = None

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sashimono.assembly import Overlap, Source
+from sashimono.assembly import Kept, Overlap, Product, Source
 from sashimono.errors import PlanFormatError
 from sashimono.files import atomic_write
 from sashimono.io.plan_schema import first_violation
@@ -25,6 +25,7 @@ from sashimono.plan import (
     Motion,
     MotionClass,
     OrderCost,
+    PlannedProduct,
     Segment,
     Step,
     Subassembly,
@@ -97,11 +98,13 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
             "unit": plan.source.unit,
             "split": plan.source.split,
             **({"excluded": plan.source.excluded} if plan.source.excluded else {}),
+            **_tree_document(plan.source),
         },
         "interpolation": "geodesic",
         "table": _table_document(plan.table),
         **_executable_document(plan),
         "parts": [{"name": name, "T_world_part": T} for name, T in plan.parts.items()],
+        **({"products": [_product_document(entry) for entry in plan.products]} if plan.products else {}),
         "order": plan.order,
         "steps": [_step_document(step) for step in plan.steps],
         "unsolved": [_unsolved_document(entry) for entry in plan.unsolved],
@@ -117,6 +120,16 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
     }
 
 
+def _tree_document(source: Source) -> dict[str, Any]:
+    """The product tree of the file, where it has one, and what was kept together of it."""
+    out: dict[str, Any] = {}
+    if source.products:
+        out["products"] = [{"name": product.name, "parts": product.parts} for product in source.products]
+    if source.kept:
+        out["kept"] = [{"product": entry.product, "reason": entry.reason} for entry in source.kept]
+    return out
+
+
 def _executable_document(plan: AssemblyPlan) -> dict[str, Any]:
     """What was found of support and gravity, as far as these were looked at."""
     out: dict[str, Any] = {"hands": plan.hands}
@@ -126,6 +139,13 @@ def _executable_document(plan: AssemblyPlan) -> dict[str, Any]:
         out["executable"] = plan.executable
     if plan.cost is not None:
         out["cost"] = {"total": plan.cost.total, "terms": plan.cost.terms, "weights": plan.cost.weights}
+    return out
+
+
+def _product_document(entry: PlannedProduct) -> dict[str, Any]:
+    out: dict[str, Any] = {"name": entry.name, "parts": entry.parts, "planned": entry.planned}
+    if entry.reason:
+        out["reason"] = entry.reason
     return out
 
 
@@ -189,6 +209,7 @@ def _step_document(step: Step) -> dict[str, Any]:
     if step.subassembly is not None:
         inside = step.subassembly
         out["subassembly"] = {
+            **({} if inside.product is None else {"product": inside.product}),
             "order": inside.order,
             "table": _table_document(inside.table),
             "steps": [_step_document(inner) for inner in inside.steps],
@@ -291,8 +312,16 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
             unit=source["unit"],
             split=source.get("split", "none"),
             excluded=tuple(source.get("excluded", ())),
+            products=_each(source.get("products", ()), lambda p: Product(name=p["name"], parts=tuple(p["parts"]))),
+            kept=_each(source.get("kept", ()), lambda k: Kept(product=k["product"], reason=k["reason"])),
         ),
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
+        products=_each(
+            document.get("products", ()),
+            lambda p: PlannedProduct(
+                name=p["name"], parts=tuple(p["parts"]), planned=p["planned"], reason=p.get("reason", "")
+            ),
+        ),
         order=tuple(document["order"]),
         steps=tuple(_step(step) for step in document["steps"]),
         unsolved=_each(document["unsolved"], _unsolved),
@@ -368,6 +397,7 @@ def _cost(cost: Mapping[str, Any] | None) -> OrderCost | None:
 
 def _subassembly(inside: Mapping[str, Any]) -> Subassembly:
     return Subassembly(
+        product=inside.get("product"),
         order=tuple(inside["order"]),
         steps=tuple(_step(step) for step in inside["steps"]),
         table=_table(inside["table"]),

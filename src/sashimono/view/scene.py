@@ -144,6 +144,7 @@ def _step(
     return {
         "part": assembly.index(step.part),
         "moving": [assembly.index(name) for name in step.members],
+        "product": step.product,
         "label": played.label,
         "depth": played.depth,
         "fixed": len(step.fixed),

@@ -30,6 +30,7 @@ WORDS = {
     "unsteady": "unsteady base",
     "fixture": "fixture",
     "turned": "table turned",
+    "products_apart": "products taken apart",
 }
 """The terms of the cost, in words."""
 

@@ -34,8 +34,15 @@ TERMS = (
     "unsteady",
     "fixture",
     "turned",
+    "products_apart",
 )
 """The terms, by the names of their weights."""
+
+START_TERMS = ("base", "unsteady", "fixture", "turned")
+"""What the base and the table of a product add: of a subassembly's own they do not count."""
+
+_WITH_A_TREE = ("products_apart",)
+"""Terms that there are only where the file has a product tree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +79,8 @@ class OrderCostConfig:
     """For a base that does not stand on the table."""
     turned: float = 4.0
     """For a table that is not the one below the file's own up."""
+    products_apart: float = 2.0
+    """For each product of the file's tree that is not put together by itself: its designer drew it as one thing."""
     hands: int = 2
     """Hands that there are."""
     steady: float = 0.6
@@ -203,8 +212,12 @@ def plan_cost(plan: AssemblyPlan, model: CostModel) -> OrderCost | None:
         return None
     amounts: Amounts = {}
     _add_level(amounts, plan, model, top=True)
-    kept = {term: round(amounts.get(term, 0.0), 6) for term in TERMS}
-    return OrderCost(total=round(model.total(kept), 6), terms=kept, weights=model.config.weights)
+    if plan.products:
+        add(amounts, {"products_apart": float(sum(entry.planned == "apart" for entry in plan.products))})
+    counted = TERMS if plan.products else tuple(term for term in TERMS if term not in _WITH_A_TREE)
+    kept = {term: round(amounts.get(term, 0.0), 6) for term in counted}
+    weights = {term: model.config.weights[term] for term in counted}
+    return OrderCost(total=round(model.total(kept), 6), terms=kept, weights=weights)
 
 
 def _add_level(amounts: Amounts, level: AssemblyPlan | Subassembly, model: CostModel, *, top: bool) -> None:

@@ -183,6 +183,7 @@ class _Page:
         words = self._words
         several = len(self._manual.chapters) > 1
         name = words.subassembly.format(letter=chapter.letter) if chapter.letter else words.product
+        name = f"{name}: {chapter.product}" if chapter.product else name
         beside = f"<p>{_escape(words.turn_chapter)}</p>" if chapter.letter else ""
         head = f"<h2>{_escape(name)}</h2>{beside}" if several else ""
         return f'<section class="chapter">\n{head}{"".join(tasks)}</section>\n'
@@ -214,7 +215,8 @@ class _Page:
     def _name(self, task: Task) -> str:
         words = self._words
         if task.brings:
-            return words.together.format(letter=task.brings)
+            name = words.together.format(letter=task.brings)
+            return f"{name}: {task.product}" if task.product else name
         if len(task.steps) == 1:
             return task.step.part
         return words.times.format(count=len(task.steps), part=task.row.label)

@@ -135,7 +135,7 @@ class Panel {
   }
 
   #stepRow(step, k) {
-    const { name } = this.plan.parts[step.part];
+    const name = step.product ?? this.plan.parts[step.part].name;
     const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
     const row = element("button", { type: "button", className: step.depth ? "row inside" : "row", title: name, onclick: () => this.player.showStep(k) },
       element("span", { className: "number", textContent: step.label }), this.#swatch(step.part),
@@ -154,6 +154,7 @@ class Panel {
 
   #title(step) {
     const others = step.moving.length - 1;
+    if (step.product) return `${step.product}, ${others + 1} parts`;
     return this.plan.parts[step.part].name + (others > 0 ? ` and ${others} more` : "");
   }
 
