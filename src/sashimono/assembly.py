@@ -94,6 +94,24 @@ class Kept:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StandIn:
+    """A closed body in place of a part whose surface is not closed. It contains that surface."""
+
+    part: str
+    problem: str
+    """What is wrong with the surface."""
+    how: str
+    """What the body is made of."""
+    off: float
+    """How far it reaches from the surface, at most, by samples [m]."""
+
+    @property
+    def words(self) -> str:
+        """What a reader has to know."""
+        return f"{self.part}: {self.problem}; a closed stand-in is used, {self.how}, up to {1e3 * self.off:.3g} mm off"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Source:
     """Where an assembly was read from, so that a plan can be checked against it."""
 
@@ -110,6 +128,8 @@ class Source:
     """The product tree as the file has it, before anything was kept together."""
     kept: tuple[Kept, ...] = ()
     """Products that stay one part (`ReadConfig.kept`)."""
+    stand_ins: tuple[StandIn, ...] = ()
+    """Parts that are not closed in the file, and the closed bodies in their place (`ReadConfig.stand_ins`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

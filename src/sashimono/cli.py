@@ -221,6 +221,13 @@ def plan(
     flat: Annotated[
         bool, typer.Option("--flat", help="plan all parts side by side, whatever INPUT's product tree says")
     ] = False,
+    stand_ins: Annotated[
+        bool,
+        typer.Option(
+            "--stand-ins/--no-stand-ins",
+            help="whether a part that is not closed is planned by a closed body that contains it, and flagged",
+        ),
+    ] = True,
     constraints: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="a .toml file with base, up, before, exclude, keep: the one beside a plan"),
@@ -275,7 +282,7 @@ def plan(
         "hands": hands,
         "explain_order": explain_order,
     }
-    options |= {"unit": unit, "split": split, "seed": seed}
+    options |= {"unit": unit, "split": split, "seed": seed, "stand_ins": stand_ins}
     return plan_and_write(source, out, **options)
 
 

@@ -44,6 +44,7 @@ def plan_and_write(
     declare_threads: bool = False,
     hands: int = 2,
     explain_order: bool = False,
+    stand_ins: bool = True,
     copy_input: bool = False,
 ) -> int:
     """Read an input, plan it, write the results and say what came of it; return the exit status.
@@ -65,6 +66,7 @@ def plan_and_write(
         declare_threads: Whether screws drawn without ridges are turned in.
         hands: How many hands there are.
         explain_order: Whether each step says what else could have come, and why it did not.
+        stand_ins: Whether parts that are not closed are planned by closed bodies that contain them; else refused.
         copy_input: Whether a copy of the input is written beside the plan.
     """
     from dataclasses import replace
@@ -87,7 +89,9 @@ def plan_and_write(
     tool, asked = find_gripper(gripper), find_grippers(grippers)
     waiting = None if resting is None else read_resting_poses(resting)
     wishes = wishes or Wishes()
-    assembly = read_assembly(source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude))
+    assembly = read_assembly(
+        source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude, stand_ins=stand_ins)
+    )
     if not wishes.flat:
         assembly = keep_together(assembly, find_bought(assembly, keep=wishes.keep))
     sequence = SequenceConfig(

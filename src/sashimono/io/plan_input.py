@@ -26,7 +26,10 @@ def read_plan_input(plan: AssemblyPlan, plan_path: str | Path, input_path: str |
     if not found:
         raise InputError(f"{plan_path}: its input {stated} is not there. Name it with --input.")
     options = ReadConfig(
-        split=plan.source.split, exclude=tuple(map(glob.escape, plan.source.excluded)), kept=plan.source.kept
+        split=plan.source.split,
+        exclude=tuple(map(glob.escape, plan.source.excluded)),
+        kept=plan.source.kept,
+        stand_ins=bool(plan.source.stand_ins),
     )
     assemblies = (read_assembly(path, unit=plan.source.unit, config=options) for path in found)
     return _matching(assemblies, plan.source.sha256)

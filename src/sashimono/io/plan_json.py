@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sashimono.assembly import Kept, Overlap, Product, Source
+from sashimono.assembly import Kept, Overlap, Product, Source, StandIn
 from sashimono.errors import PlanFormatError
 from sashimono.files import atomic_write
 from sashimono.io.plan_schema import first_violation
@@ -127,6 +127,11 @@ def _tree_document(source: Source) -> dict[str, Any]:
         out["products"] = [{"name": product.name, "parts": product.parts} for product in source.products]
     if source.kept:
         out["kept"] = [{"product": entry.product, "reason": entry.reason} for entry in source.kept]
+    if source.stand_ins:
+        out["stand_ins"] = [
+            {"part": entry.part, "problem": entry.problem, "how": entry.how, "off": entry.off}
+            for entry in source.stand_ins
+        ]
     return out
 
 
@@ -313,6 +318,10 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
             split=source.get("split", "none"),
             excluded=tuple(source.get("excluded", ())),
             products=_each(source.get("products", ()), lambda p: Product(name=p["name"], parts=tuple(p["parts"]))),
+            stand_ins=_each(
+                source.get("stand_ins", ()),
+                lambda s: StandIn(part=s["part"], problem=s["problem"], how=s["how"], off=float(s["off"])),
+            ),
             kept=_each(source.get("kept", ()), lambda k: Kept(product=k["product"], reason=k["reason"])),
         ),
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},

@@ -40,6 +40,9 @@ class ReadConfig:
     them together (auto); all; or none."""
     exclude: tuple[str, ...] = ()
     """Names of parts that are left out, or patterns of names (``cable*``)."""
+    stand_ins: bool = False
+    """Whether a part whose surface cannot be closed is replaced by a closed body that contains it; else it is refused.
+    """
     kept: tuple[Kept, ...] = ()
     """Products of the file's tree that become one part each."""
     weld: float = 1e-5

@@ -98,7 +98,9 @@ def _read(path: str | Path, unit: str | None, repair: bool, config: ReadConfig, 
     closed = close_parts(raw_parts, repair=repair, config=config)
     if refuse_broken:
         closed.refuse_broken(str(path), repair=repair)
-    parts, origins, kept_notes = split_parts(closed.parts, config=config)
+    parts, origins, kept_notes = split_parts(
+        closed.parts, config=config, whole={entry.part for entry in closed.stand_ins}
+    )
     names = [part.name for part in parts]
     broken = [(_as_it_is(each), each.problem) for each in closed.broken]
     notes += [*split_notes, *closed.notes, *kept_notes]
@@ -115,6 +117,7 @@ def _read(path: str | Path, unit: str | None, repair: bool, config: ReadConfig, 
             split=config.split,
             excluded=excluded,
             products=products,
+            stand_ins=closed.stand_ins,
         ),
         overlaps=() if config.kept else find_overlaps(parts, config),
         identical=tuple(tuple(names[k] for k in members) for members in same),
