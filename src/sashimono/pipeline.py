@@ -42,7 +42,7 @@ from sashimono.plan import (
 )
 from sashimono.stability import StabilityConfig, hold_plan
 from sashimono.tree import Progress, TreePlanner
-from sashimono.verify import StepReport, VerifyConfig, check_holds, verify_plan
+from sashimono.verify import StepReport, Verifier, VerifyConfig
 
 logger = logging.getLogger(__name__)
 
@@ -98,7 +98,7 @@ def plan_assembly(
 ) -> AssemblyPlan:
     """Plan an assembly: an order, a motion and a contact for each part, checked independently.
 
-    The plan is ``complete`` only if every part has a motion and `verify_plan` found nothing wrong;
+    The plan is ``complete`` only if every part has a motion and `Verifier.check` found nothing wrong;
     otherwise it is ``partial`` and says of each missing part what is known. The same seed gives the
     same plan, timings apart.
 
@@ -139,22 +139,26 @@ def plan_assembly(
         resting=resting,
         stage=clock.stage,
     )
+    with clock.stage("verify"):
+        verifier = Verifier(assembly, config=config.verify)
     products = Products()
     if config.method == "cascade" and config.sequence.products.enabled and assembly.products:
         with clock.stage("sequence"):
             products = orderer.products
-    best = _best_attempt(planner, cascade, orderer, products, config, seed, progress)
+    best = _best_attempt(planner, verifier, cascade, orderer, products, config, seed, progress)
     if best.unsolved and products.groups:
-        flat = _best_attempt(planner, cascade, orderer, replace(products, groups=()), config, seed, progress)
+        side_by_side = replace(products, groups=())
+        flat = _best_attempt(planner, verifier, cascade, orderer, side_by_side, config, seed, progress)
         if flat.worth > best.worth:
             reason = f"as one it could not be planned: {best.unsolved[0].part}: {best.unsolved[0].reason}"
             taken = replace(flat.taken, apart={group.name: reason for group in products.groups})
             best = replace(flat, taken=taken)
-    return _plan(assembly, bodies, orderer, best, config, seed, clock)
+    return _plan(assembly, bodies, orderer, verifier, best, config, seed, clock)
 
 
 def _best_attempt(
     planner: TreePlanner,
+    verifier: Verifier,
     cascade: Cascade,
     orderer: Orderer,
     products: Products,
@@ -176,7 +180,16 @@ def _best_attempt(
         # where an order that was searched for fails twice, or for good, the one that was found first is tried
         searched = config.method == "cascade" and number < 2 and not given_up
         attempt = _attempt(
-            planner, cascade, orderer, products, searched, refused, config, (motion_rng, contact_rng), progress
+            planner,
+            verifier,
+            cascade,
+            orderer,
+            products,
+            searched,
+            refused,
+            config,
+            (motion_rng, contact_rng),
+            progress,
         )
         refutations |= attempt.refutations
         if best is None or attempt.worth > best.worth:
@@ -238,6 +251,7 @@ def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolve
 
 def _attempt(
     planner: TreePlanner,
+    verifier: Verifier,
     cascade: Cascade,
     orderer: Orderer,
     products: Products,
@@ -268,7 +282,7 @@ def _attempt(
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
     draft = _draft(assembly, level.table, level.steps, level.unsolved)
     with planner.stage("verify"):
-        report = verify_plan(draft, assembly, config=config.verify)
+        report = verifier.check(draft)
     progress("verify", 1, 1)
     judge = _Judge(assembly, found, config)
     steps = judge.hold(level.steps, report.steps)
@@ -404,6 +418,7 @@ def _plan(
     assembly: Assembly,
     bodies: Mapping[str, Body],
     orderer: Orderer,
+    verifier: Verifier,
     attempt: _Attempt,
     config: PipelineConfig,
     seed: int,
@@ -417,7 +432,7 @@ def _plan(
             draft, status=status, hands=config.hands, products=_planned_products(assembly, steps, attempt.taken)
         )
         held = hold_plan(held, bodies, config=config.stability, touching=orderer.touching)
-        executable = check_holds(held, assembly, config=config.verify)
+        executable = verifier.check_holds(held)
         cost = orderer.cost(held)
     if config.explain_order and config.method == "cascade":
         with clock.stage("order"):

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from jaxtyping import Float, Int
 from manifold3d import Manifold, OpType, triangulate
 
+from sashimono.geometry.distance.signed_distance import SignedDistance
 from sashimono.geometry.mesh import measures, topology
 from sashimono.geometry.mesh.polygons import polygon_normal, project
 from sashimono.geometry.mesh.solid import to_manifold
@@ -155,5 +155,4 @@ def _reach(
 ) -> float:
     """How far some triangles reach from a surface, at most, by samples of them [m]."""
     points, _, _ = measures.sample_surface(vertices, added, _SAMPLES, np.random.default_rng(0))
-    squared = igl.point_mesh_squared_distance(points, old_vertices, old_faces.astype(np.int64))[0]
-    return float(np.sqrt(squared.max()))
+    return float(np.abs(SignedDistance(old_vertices, old_faces.astype(np.int32)).query(points)).max())
