@@ -64,7 +64,13 @@ ROOMS = {
     "diff": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
     "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
     "serve": [{"limits"}, {"upload", "options", "jobs"}, {"workers"}, {"web"}, {"server"}],
-    "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence", "bonds"}, {"report"}],
+    "fasteners": [
+        {"sizes", "profile"},
+        {"shape", "placement"},
+        {"recognise"},
+        {"precedence", "bonds", "tools"},
+        {"report"},
+    ],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},

@@ -129,6 +129,8 @@ def _step_words(step: Step) -> str:
     words.append(_thread_words(step.declared) if step.declared else _direction_words(step.motion.T_world_part))
     if len(step.motion.T_world_part) > 1:
         words.append(_contact_words(step))
+    if step.tool is not None and step.tool.reason is not None:
+        words.append(f"{step.tool.name}: {step.tool.reason}")
     if step.held:
         words.append(f"hold {few_words(step.held)}")
     evidence = step.motion.evidence

@@ -175,7 +175,8 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
                 f"{prefix}{k}", step.part, step.product or "", " ".join(step.members), *way,
                 step.moved_by if step.moves else "base",
                 "" if step.moving else _tool(kinds.get(step.part)), " ".join(step.held),
-                "" if step.hands is None else step.hands, step.contact_reason or "",
+                "" if step.hands is None else step.hands,
+                "; ".join(said for said in (step.contact_reason, step.tool and step.tool.reason) if said),
             ]
         )  # fmt: skip
     return rows

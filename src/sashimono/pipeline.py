@@ -31,7 +31,6 @@ from sashimono.motion import MotionConfig
 from sashimono.plan import (
     Answer,
     AssemblyPlan,
-    Fastening,
     Motion,
     PlannedProduct,
     RestingPoses,
@@ -424,7 +423,7 @@ def _plan(
     seed: int,
     clock: _Clock,
 ) -> AssemblyPlan:
-    steps = _with_fasteners(attempt.steps, orderer.fastenings)
+    steps = _with_fasteners(attempt.steps, orderer)
     draft = _draft(assembly, attempt.table, steps, attempt.unsolved)
     status: Literal["complete", "partial"] = "complete" if attempt.verified else "partial"
     with clock.stage("stability"):
@@ -465,15 +464,16 @@ def _planned_products(assembly: Assembly, steps: Sequence[Step], taken: TakenApa
     return tuple(out)
 
 
-def _with_fasteners(steps: Sequence[Step], fastenings: Mapping[str, Fastening]) -> tuple[Step, ...]:
-    """The steps, those of fasteners, inside subassemblies too, with what they are."""
+def _with_fasteners(steps: Sequence[Step], orderer: Orderer) -> tuple[Step, ...]:
+    """The steps, those of fasteners, inside subassemblies too, with what they are and what drives them."""
     out = []
     for step in steps:
         below = step.subassembly
         if below is not None:
-            step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, fastenings)))
-        elif step.part in fastenings:
-            step = replace(step, fastener=fastenings[step.part])
+            step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, orderer)))
+        elif step.part in orderer.fastenings:
+            tool = orderer.tool(step.part, step.fixed) if step.moves else None
+            step = replace(step, fastener=orderer.fastenings[step.part], tool=tool)
         out.append(step)
     return tuple(out)
 

@@ -30,6 +30,8 @@ from sashimono.plan import (
     Step,
     Subassembly,
     Table,
+    Tool,
+    ToolSpace,
     Unsolved,
 )
 
@@ -207,6 +209,9 @@ def _step_document(step: Step) -> dict[str, Any]:
     if step.fastener is not None:
         fastener = step.fastener
         out["fastener"] = {name: getattr(fastener, name) for name in ("kind", "size", "axis", "point", "joins")}
+    if step.tool is not None:
+        out["tool"] = _tool_document(step.tool)
+        out["tool_access"] = step.tool.access
     if step.alternatives is not None:
         out["alternatives"] = [_alternative_document(entry) for entry in step.alternatives]
     if step.moving:
@@ -222,6 +227,17 @@ def _step_document(step: Step) -> dict[str, Any]:
         if inside.fixture is not None:
             out["subassembly"]["fixture"] = _fixture_document(inside.fixture)
     return out
+
+
+def _tool_document(tool: Tool) -> dict[str, Any]:
+    out: dict[str, Any] = {"name": tool.name, "kind": tool.kind, "size": tool.size, "reason": tool.reason}
+    space = []
+    for piece in tool.space:
+        entry: dict[str, Any] = {"low": piece.low, "high": piece.high, "radius": piece.radius}
+        if piece.toward is not None:
+            entry |= {"toward": piece.toward, "angle": piece.angle}
+        space.append(entry)
+    return {**out, "space": space}
 
 
 def _declared_document(declared: DeclaredHelix) -> dict[str, Any]:
@@ -377,6 +393,7 @@ def _step(step: Mapping[str, Any]) -> Step:
         held=tuple(step.get("held", ())),
         hands=step.get("hands"),
         fastener=_fastening(step.get("fastener")),
+        tool=_tool(step.get("tool"), access=step.get("tool_access", False)),
         alternatives=None
         if step.get("alternatives") is None
         else _each(
@@ -397,6 +414,28 @@ def _fastening(fastener: Mapping[str, Any] | None) -> Fastening | None:
         axis=(float(x), float(y), float(z)),
         point=(float(u), float(v), float(w)),
         joins=tuple(fastener["joins"]),
+    )
+
+
+def _tool(tool: Mapping[str, Any] | None, *, access: bool) -> Tool | None:
+    if tool is None:
+        return None
+    return Tool(
+        name=tool["name"],
+        kind=tool["kind"],
+        size=tool["size"],
+        access=access,
+        reason=tool["reason"],
+        space=_each(
+            tool["space"],
+            lambda piece: ToolSpace(
+                low=float(piece["low"]),
+                high=float(piece["high"]),
+                radius=float(piece["radius"]),
+                toward=None if piece.get("toward") is None else tuple(map(float, piece["toward"])),
+                angle=None if piece.get("angle") is None else float(piece["angle"]),
+            ),
+        ),
     )
 
 

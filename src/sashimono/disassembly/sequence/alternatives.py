@@ -31,6 +31,7 @@ WORDS = {
     "fixture": "fixture",
     "turned": "table turned",
     "products_apart": "products taken apart",
+    "tools_blocked": "tools without room",
 }
 """The terms of the cost, in words."""
 

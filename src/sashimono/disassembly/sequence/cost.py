@@ -35,14 +35,15 @@ TERMS = (
     "fixture",
     "turned",
     "products_apart",
+    "tools_blocked",
 )
 """The terms, by the names of their weights."""
 
 START_TERMS = ("base", "unsteady", "fixture", "turned")
 """What the base and the table of a product add: of a subassembly's own they do not count."""
 
-_WITH_A_TREE = ("products_apart",)
-"""Terms that there are only where the file has a product tree."""
+SOMETIMES = ("products_apart", "tools_blocked")
+"""Terms that there are only where the file has a product tree, or where a tool has no room."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +82,8 @@ class OrderCostConfig:
     """For a table that is not the one below the file's own up."""
     products_apart: float = 2.0
     """For each product of the file's tree that is not put together by itself: its designer drew it as one thing."""
+    tools_blocked: float = 3.0
+    """For each fastener that is placed when its tool has no room."""
     hands: int = 2
     """Hands that there are."""
     steady: float = 0.6
@@ -157,6 +160,8 @@ class CostModel:
         wrong = sum((scene.comes_before[part] & rest).bit_count() for part in bits(members))
         if wrong:
             out["fasteners_out_of_turn"] = float(wrong)
+        if scene.is_tool_blocked(members, rest):
+            out["tools_blocked"] = 1.0
         if rest and not scene.touched_by(members) & rest:
             out["apart"] = 1.0
         return out
@@ -214,7 +219,7 @@ def plan_cost(plan: AssemblyPlan, model: CostModel) -> OrderCost | None:
     _add_level(amounts, plan, model, top=True)
     if plan.products:
         add(amounts, {"products_apart": float(sum(entry.planned == "apart" for entry in plan.products))})
-    counted = TERMS if plan.products else tuple(term for term in TERMS if term not in _WITH_A_TREE)
+    counted = tuple(term for term in TERMS if term not in SOMETIMES or term in amounts)
     kept = {term: round(amounts.get(term, 0.0), 6) for term in counted}
     weights = {term: model.config.weights[term] for term in counted}
     return OrderCost(total=round(model.total(kept), 6), terms=kept, weights=weights)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -21,8 +21,9 @@ from sashimono.disassembly.sequence.scene import OrderScene
 from sashimono.disassembly.sequence.search import OrderSearch
 from sashimono.fasteners.bonds import bonds
 from sashimono.fasteners.recognise import Fastener, find_fasteners
+from sashimono.fasteners.tools import tool_for
 from sashimono.geometry.body import Body
-from sashimono.plan import AssemblyPlan, Fastening, OrderCost
+from sashimono.plan import AssemblyPlan, Fastening, OrderCost, Tool
 from sashimono.stability import StabilityConfig, Touching, embraces
 
 
@@ -65,6 +66,15 @@ class Orderer:
     def _bare(self) -> Touching:
         poses = {part.name: part.T_world_part for part in self._cascade.assembly.parts}
         return Touching(self._bodies, poses, config=self._stability)
+
+    def tool(self, part: str, placed: Collection[str]) -> Tool | None:
+        """Return what drives a fastener, and whether there is room for it past these parts; None of any other part."""
+        fastener = self._by_name.get(part)
+        return None if fastener is None else tool_for(fastener, self.model.scene.tools(part), placed)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Fastener]:
+        return {fastener.part: fastener for fastener in self.fasteners}
 
     @cached_property
     def products(self) -> Products:

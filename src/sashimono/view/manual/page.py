@@ -286,6 +286,12 @@ class _Page:
         if step.moves and step.contact is None:
             detail = f"<small>{_escape(step.contact_reason)}</small>" if step.contact_reason else ""
             said.append(f"{_escape(words.no_contact)} {detail}")
+        for each in task.steps:
+            if each.tool is not None and not each.tool.access:
+                name = tool_words(fastener, words) if (fastener := self._manual.fastener(each.part)) else each.tool.name
+                detail = f"<small>{_escape(each.tool.reason or '')}</small>"
+                said.append(f"{_escape(words.no_room.format(tool=name))} {detail}")
+                break
         if step.declared is not None:
             said.append(_escape(words.declared))
         return said

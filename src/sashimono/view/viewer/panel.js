@@ -62,6 +62,7 @@ function describeStep(step) {
   }
   if (step.contact) facts.push(contactWords(step));
   else if (step.contactReason) facts.push(`no grasp: ${step.contactReason}`);
+  if (step.toolBlocked) facts.push(`${step.tool}: ${step.toolBlocked}`);
   if (step.held.length) facts.push(`hold ${step.held.join(", ")}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");
