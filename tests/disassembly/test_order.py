@@ -142,7 +142,7 @@ def test_terms_count_what_they_say() -> None:
     assert model.of_hands(0, 0) == {}
     assert model.of_hands(2, 1) == {"held": 1.0, "hands_missing": 1.0}
     assert model.total({"held": 2.0, "hands_missing": 1.0}) == pytest.approx(5.0)
-    assert set(OrderCostConfig().weights) == set(TERMS) - set(SOMETIMES)
+    assert set(OrderCostConfig().weights) == set(TERMS)
 
 
 def test_a_fastener_that_waits_is_late() -> None:
