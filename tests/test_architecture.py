@@ -32,7 +32,7 @@ LEVELS = [
     {"disassembly"},
     {"motion"},
     {"contact"},
-    {"tree"},
+    {"tree", "bought"},
     {"verify", "view"},
     {"d4pas", "revision"},
     {"learning"},
@@ -56,14 +56,21 @@ ROOMS = {
         {"mending"},
         {"formats"},
         {"plan_schema"},
-        {"checks", "plan_json", "resting_file", "constraints_file"},
+        {"checks", "plan_json", "resting_file", "constraints_file", "tree"},
+        {"kept"},
         {"read"},
         {"plan_input"},
     ],
     "revision": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
     "examination": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
     "serve": [{"limits"}, {"upload", "options", "jobs"}, {"workers"}, {"web"}, {"server"}],
-    "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence", "bonds"}, {"report"}],
+    "fasteners": [
+        {"sizes", "profile"},
+        {"shape", "placement"},
+        {"recognise"},
+        {"precedence", "bonds", "tools"},
+        {"report"},
+    ],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
@@ -81,7 +88,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree"}
+ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree", "bought"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

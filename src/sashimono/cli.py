@@ -214,9 +214,23 @@ def plan(
     exclude: Annotated[
         list[str] | None, typer.Option(metavar="PART", help="leave a part out; repeatable; a name or a pattern")
     ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="a product of INPUT's tree stays one part; repeatable; a name or a pattern"),
+    ] = None,
+    flat: Annotated[
+        bool, typer.Option("--flat", help="plan all parts side by side, whatever INPUT's product tree says")
+    ] = False,
+    stand_ins: Annotated[
+        bool,
+        typer.Option(
+            "--stand-ins/--no-stand-ins",
+            help="whether a part that is not closed is planned by a closed body that contains it, and flagged",
+        ),
+    ] = True,
     constraints: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="a .toml file with base, up, before and exclude: the one beside a plan"),
+        typer.Option(metavar="FILE", help="a .toml file with base, up, before, exclude, keep: the one beside a plan"),
     ] = None,
     resting: Annotated[
         Path | None,
@@ -245,7 +259,9 @@ def plan(
         from sashimono.disassembly.physics.batch import find_device
 
         find_device(device)
-    wishes = read_constraints(constraints, base=base, up=up, before=before or (), exclude=exclude or ())
+    wishes = read_constraints(
+        constraints, base=base, up=up, before=before or (), exclude=exclude or (), keep=keep or (), flat=flat
+    )
     if method == "physics" and (wishes.base is not None or wishes.before):
         raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
     if method != "cascade" and explain_order:
@@ -266,7 +282,7 @@ def plan(
         "hands": hands,
         "explain_order": explain_order,
     }
-    options |= {"unit": unit, "split": split, "seed": seed}
+    options |= {"unit": unit, "split": split, "seed": seed, "stand_ins": stand_ins}
     return plan_and_write(source, out, **options)
 
 

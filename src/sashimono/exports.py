@@ -180,16 +180,21 @@ def write_clip(
 
 
 def bill_table(plan: AssemblyPlan, assembly: Assembly, fasteners: Sequence[Fastener]) -> list[list[Cell]]:
-    """Return the bill of materials, its head first; sizes are edges of the part's box [mm], longest first."""
+    """Return the bill of materials, its head first; sizes are edges of the part's box [mm], longest first.
+
+    ``products`` are those of the input's tree that the parts are in, from the outer to the inner ("drive / motor").
+    """
     head: list[Cell] = [
-        "number", "part", "quantity", "names", "kind", "size", "tool", "length_mm", "width_mm", "height_mm",
+        "number", "part", "quantity", "names", "products", "kind", "size", "tool", "length_mm", "width_mm", "height_mm",
     ]  # fmt: skip
     rows = [head]
+    kept = {entry.product: entry.reason for entry in plan.source.kept}
     for row in bill_of_materials(plan, assembly, fasteners):
         own = row.fastener
         rows.append(
             [
-                row.number, row.label, len(row.names), " ".join(row.names), "" if own is None else own.kind,
+                row.number, row.label, len(row.names), " ".join(row.names), _products_of(row.names, assembly),
+                kept.get(row.names[0], "") if own is None else own.kind,
                 "" if own is None else own.size, _tool(own), *(round(1e3 * float(edge), 3) for edge in row.size),
             ]
         )  # fmt: skip
@@ -200,8 +205,8 @@ def step_table(plan: AssemblyPlan, assembly: Assembly, fasteners: Sequence[Faste
     """Return a line for each step, its head first; those inside a subassembly stand before its own step."""
     kinds = {fastener.part: fastener for fastener in fasteners}
     head: list[Cell] = [
-        "step", "part", "parts", "direction_x", "direction_y", "direction_z", "length_mm", "turns", "contact", "tool",
-        "held", "hands", "note",
+        "step", "part", "product", "parts", "direction_x", "direction_y", "direction_z", "length_mm", "turns",
+        "contact", "tool", "held", "hands", "note",
     ]  # fmt: skip
     return [head, *_step_rows(plan.steps, "", kinds)]
 
@@ -217,12 +222,20 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
             way += [round(1e3 * step.length, 4), round(step.turns, 4) + 0.0]
         rows.append(
             [
-                f"{prefix}{k}", step.part, " ".join(step.members), *way, step.moved_by if step.moves else "base",
+                f"{prefix}{k}", step.part, step.product or "", " ".join(step.members), *way,
+                step.moved_by if step.moves else "base",
                 "" if step.moving else _tool(kinds.get(step.part)), " ".join(step.held),
-                "" if step.hands is None else step.hands, step.contact_reason or "",
+                "" if step.hands is None else step.hands,
+                "; ".join(said for said in (step.contact_reason, step.tool and step.tool.reason) if said),
             ]
         )  # fmt: skip
     return rows
+
+
+def _products_of(names: Sequence[str], assembly: Assembly) -> str:
+    """The products around these parts, each once."""
+    around = (" / ".join(p.name for p in assembly.products if name in p.parts) for name in names)
+    return "; ".join(dict.fromkeys(path for path in around if path))
 
 
 def _tool(fastener: Fastener | None) -> str:

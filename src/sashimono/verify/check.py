@@ -26,6 +26,7 @@ from sashimono.verify.report import StepReport, VerifyReport
 from sashimono.verify.resting import resting_problems
 from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
 from sashimono.verify.sweep import HalfSpace, Screws
+from sashimono.verify.tool import tool_problems
 
 
 class Verifier:
@@ -106,7 +107,8 @@ def _with_holds(
     for step, report, found in zip(plan.steps, reports, placed.hold_problems(plan.steps, table, fixture), strict=True):
         below = step.subassembly
         inside = () if below is None else _with_holds(below, report.inside, below.table, below.fixture, placed, site)
-        out.append(replace(report, hold_problems=found, inside=inside))
+        tools = tool_problems(step, site.bodies, site.overlaps.poses)
+        out.append(replace(report, hold_problems=(*found, *tools), inside=inside))
     return tuple(out)
 
 

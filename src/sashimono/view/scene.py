@@ -144,6 +144,7 @@ def _step(
     return {
         "part": assembly.index(step.part),
         "moving": [assembly.index(name) for name in step.members],
+        "product": step.product,
         "label": played.label,
         "depth": played.depth,
         "fixed": len(step.fixed),
@@ -157,6 +158,8 @@ def _step(
         "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
         "held": list(step.held),
+        "tool": None if step.tool is None else step.tool.name,
+        "toolBlocked": None if step.tool is None else step.tool.reason,
         # on a bench what is up may be turned
         "way": way_words(step.insertion, turned.T @ up, ENGLISH) if step.insertion else "",
         "look": None if lookout is None else lookout.toward.tolist(),

@@ -65,6 +65,8 @@ class Words:
     hands: str
     turn_over: str
     turn_chapter: str
+    no_room: str
+    """Where a tool has no room."""
     no_contact: str
     declared: str
     unsolved: str
@@ -122,6 +124,7 @@ ENGLISH = Words(
     hands="Needs {count} hands at once.",
     turn_over="Turn subassembly {letter} as shown before you bring it.",
     turn_chapter="Put together beside the product, this side up.",
+    no_room="No room for the tool ({tool}) with these parts in place.",
     no_contact="The plan has no grasp here: place by hand.",
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
     unsolved="Parts without instructions",
@@ -181,6 +184,7 @@ GERMAN = Words(
     hands="Braucht {count} Hände zugleich.",
     turn_over="Baugruppe {letter} vor dem Einsetzen wie gezeigt drehen.",
     turn_chapter="Neben dem Produkt zusammenbauen, diese Seite oben.",
+    no_room="Kein Platz für das Werkzeug ({tool}), solange diese Teile da sind.",
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
     unsolved="Teile ohne Anleitung",
@@ -243,6 +247,7 @@ JAPANESE = Words(
     hands="同時に{count}本の手が必要です。",
     turn_over="サブアセンブリ{letter}を図の向きに回してから取り付けます。",
     turn_chapter="製品の横で、この面を上にして組み立てます。",
+    no_room="これらの部品があると工具（{tool}）が入りません。",
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
     unsolved="手順のない部品",

@@ -30,6 +30,8 @@ WORDS = {
     "unsteady": "unsteady base",
     "fixture": "fixture",
     "turned": "table turned",
+    "products_apart": "products taken apart",
+    "tools_blocked": "tools without room",
 }
 """The terms of the cost, in words."""
 

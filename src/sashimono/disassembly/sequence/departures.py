@@ -21,6 +21,8 @@ class Departure:
     """With the witness."""
     inside: DisassemblyResult | None = None
     """How a subassembly comes apart by itself; None for a single part."""
+    product: str | None = None
+    """The product of the file's tree that it is, if it leaves as one for that."""
 
     @property
     def refusal(self) -> Refusal:
@@ -32,6 +34,16 @@ class Departure:
         """What is to be refused if its path does not hold: of a declared thread the turn, but not the straight pull."""
         is_turned = self.separation.declared is not None and self.separation.direction_index is not None
         return replace(self.refusal, only_turned=is_turned)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldProduct:
+    """A product that was to leave as one and could not."""
+
+    name: str
+    core: int
+    """Mask of what is left of it once so many of its own parts have left that something else can; 0 for nothing."""
+    reason: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,6 +58,8 @@ class DisassemblyResult:
     """Parts that could not leave, the base and what is inside subassemblies aside, each with what is known."""
     up: tuple[float, float, float] | None = None
     """Away from the table that the order is for; None: any."""
+    held_products: tuple[HeldProduct, ...] = ()
+    """Products that were to leave as one and could not."""
 
     def departures(self) -> Iterator[Departure]:
         """Yield every departure, those inside subassemblies included."""

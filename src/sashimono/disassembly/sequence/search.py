@@ -18,14 +18,16 @@ from jaxtyping import Float
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.sequence.alternatives import Alternatives
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
-from sashimono.disassembly.sequence.cost import Amounts, CostModel, Placing, add
+from sashimono.disassembly.sequence.cost import START_TERMS, Amounts, CostModel, Placing, add
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.disassembly.sequence.holds import Allowance, Balance, Contacts, HoldCounter, table_under
 from sashimono.disassembly.sequence.moves import Blocked, placed_earlier
-from sashimono.disassembly.sequence.ways import Candidate, Leaving, Way, Ways, Work, units_of
-from sashimono.plan import Alternative
+from sashimono.disassembly.sequence.products import ProductGroup, base_group_waits
+from sashimono.disassembly.sequence.ways import Candidate, Leaving, Unit, Way, Ways, Work, units_of
+from sashimono.plan import Alternative, Answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +114,7 @@ class OrderSearch:
         start: int,
         refused: frozenset[Refusal] = frozenset(),
         up: Float[np.ndarray, "3"] | None = None,
+        products: Sequence[ProductGroup] = (),
         top: bool = True,
     ) -> DisassemblyResult:
         """Return a disassembly of the same parts that costs least of those looked at, with the table it is for.
@@ -121,14 +124,15 @@ class OrderSearch:
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
             up: Away from the table, where that is given; else the search chooses.
+            products: What leaves as one; that with the base in it comes apart last.
             top: Whether this is the whole product, of which the user may have named the base.
         """
-        removals = tuple(self._inside(departure, refused) for departure in found.removals)
+        removals = tuple(self._inside(departure, refused, products) for departure in found.removals)
         found = replace(found, removals=removals)
         if not removals:
             return found
         work = Work(self._cascade, self._config.traced)
-        run = _Run(self, found, start, refused, work, up)
+        run = _Run(self, found, start, refused, work, up, products)
         candidates: list[Candidate] = []
         for first in run.starts(top):
             candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
@@ -142,6 +146,7 @@ class OrderSearch:
         start: int,
         refused: frozenset[Refusal],
         up: Float[np.ndarray, "3"],
+        products: Sequence[ProductGroup] = (),
     ) -> dict[int, tuple[Alternative, ...]]:
         """Return what else could have come in place of each departure, by its part; inside subassemblies aside.
 
@@ -150,26 +155,44 @@ class OrderSearch:
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
             up: Away from the table, unit.
+            products: What leaves as one.
         """
-        run = _Run(self, found, start, refused, Work(self._cascade, self._config.traced), up)
+        run = _Run(self, found, start, refused, Work(self._cascade, self._config.traced), up, products)
         ways, order = run.ways(up), run.greedy(up)
         asked = Alternatives(
             order,
             start,
             ways,
             self._model,
-            self._wishes,
+            run.wishes,
             lambda candidate: run.amounts(candidate, exact=False),
             most=self._config.explained,
         )
         count = len(order.leaving)
         return {order.leaving[count - 1 - k].unit.part: asked.of_step(k) for k in range(count)}
 
-    def _inside(self, departure: Departure, refused: frozenset[Refusal]) -> Departure:
+    def cost(
+        self, found: DisassemblyResult, *, start: int, products: Sequence[ProductGroup] = (), top: bool = True
+    ) -> float:
+        """Return what an order costs that `improve` returned, held parts as far as they are bounded.
+
+        Of what is inside subassemblies, bases and tables do not count, as in the cost of a plan.
+        """
+        up = self._model.scene.up if found.up is None else np.array(found.up)
+        run = _Run(self, found, start, frozenset(), Work(self._cascade, 0.0), up, products)
+        amounts = run.amounts(run.greedy(up), exact=False)
+        if not top:
+            amounts = {term: amount for term, amount in amounts.items() if term not in START_TERMS}
+        below = (d for d in found.removals if d.inside is not None and d.inside.removals)
+        return self._model.total(amounts) + sum(
+            self.cost(d.inside, start=d.members, products=products, top=False) for d in below if d.inside is not None
+        )
+
+    def _inside(self, departure: Departure, refused: frozenset[Refusal], products: Sequence[ProductGroup]) -> Departure:
         """The departure, what it moves being put together by the cheapest order too."""
         if departure.inside is None:
             return departure
-        inside = self.improve(departure.inside, start=departure.members, refused=refused, top=False)
+        inside = self.improve(departure.inside, start=departure.members, refused=refused, products=products, top=False)
         return replace(departure, inside=inside, part=inside.base)
 
 
@@ -184,12 +207,15 @@ class _Run:
         refused: frozenset[Refusal],
         work: Work,
         up: Float[np.ndarray, "3"] | None,
+        products: Sequence[ProductGroup],
     ) -> None:
         self._cascade = search._cascade
         self._contacts = search._contacts
         self._model = search._model
-        self._wishes = search._wishes
         self._config = search._config
+        waits = base_group_waits(products, found.base, start, len(search._cascade.parts))
+        self.wishes = search._wishes.and_waits(waits)
+        """What the user wants, and that the product with the base in it is put together first."""
         self._found = found
         self._start = start
         self._refused = refused
@@ -260,7 +286,7 @@ class _Run:
     def _bases(self, top: bool) -> list[int]:
         """The greedy base, then those with the highest scores; one alone if the user named it or parts are stuck."""
         first = 1 << self._found.base
-        if self._stuck or (top and self._wishes.base is not None):
+        if self._stuck or (top and self.wishes.base is not None):
             return [first]
         scene = self._model.scene
         others = [unit.members for unit in self._units if unit.single and unit.members != first]
@@ -273,7 +299,7 @@ class _Run:
     def _waiting_masks(self) -> Iterator[int]:
         """Masks of the parts that the user wants to be placed after some other: none of them is a base."""
         for part in bits(self._start):
-            yield self._wishes.waits[part] & self._start
+            yield self.wishes.waits[part] & self._start
 
     def _normals(self, base: int) -> list[Float[np.ndarray, "3"]]:
         """The file's up first, then the world's axes and the base's own lines, both ways."""
@@ -364,7 +390,7 @@ class _Run:
         while since < len(pairs) and tries > 0:
             own, later = pairs[place]
             place, since = (place + 1) % len(pairs), since + 1
-            order = placed_earlier(candidate.leaving, later, own, start=self._start, ways=ways, wishes=self._wishes)
+            order = placed_earlier(candidate.leaving, later, own, start=self._start, ways=ways, wishes=self.wishes)
             if isinstance(order, Blocked):
                 continue
             tries -= 1
@@ -416,7 +442,7 @@ class _Run:
         return np.unique(bulk, return_inverse=True)[1].tolist()
 
     def _holds_back(self, members: int, remaining: int) -> bool:
-        return any(self._wishes.holds_back(part, remaining & ~members) for part in bits(members))
+        return any(self.wishes.holds_back(part, remaining & ~members) for part in bits(members))
 
     def _holds(self, base: int, up: Float[np.ndarray, "3"]) -> tuple[HoldCounter, bool]:
         key = (base, np.round(up, 9).tobytes())
@@ -504,6 +530,8 @@ class _Run:
         if s is None:
             assert unit.known is not None
             return unit.known
+        if not unit.single:
+            return self._as_one(unit, s, remaining)
         separation = self._cascade.directions.along(
             unit.part, remaining, preference=lambda direction: 0.0, refused=self._refused, among=(s,)
         )
@@ -512,3 +540,14 @@ class _Run:
         if turn not in self._refused:
             separation = self._cascade.with_declared_thread(unit.part, remaining, separation)
         return Departure(part=unit.part, members=unit.members, separation=separation)
+
+    def _as_one(self, unit: Unit, direction_index: int, remaining: int) -> Departure:
+        """The departure of a product along a direction, past what remains."""
+        assert unit.known is not None
+        parts = self._cascade.parts
+        direction = self._cascade.blocking.direction(direction_index)
+        removal = parts.straight_removal(unit.members, remaining & ~unit.members, direction)
+        separation = Separation(
+            answer=Answer.FREE, removal=removal, direction_index=direction_index, stage="subassembly"
+        )
+        return replace(unit.known, separation=separation)

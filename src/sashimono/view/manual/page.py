@@ -184,6 +184,7 @@ class _Page:
         words = self._words
         several = len(self._manual.chapters) > 1
         name = words.subassembly.format(letter=chapter.letter) if chapter.letter else words.product
+        name = f"{name}: {chapter.product}" if chapter.product else name
         beside = f"<p>{_escape(words.turn_chapter)}</p>" if chapter.letter else ""
         head = f"<h2>{_escape(name)}</h2>{beside}" if several else ""
         return f'<section class="chapter">\n{head}{"".join(tasks)}</section>\n'
@@ -215,7 +216,8 @@ class _Page:
     def _name(self, task: Task) -> str:
         words = self._words
         if task.brings:
-            return words.together.format(letter=task.brings)
+            name = words.together.format(letter=task.brings)
+            return f"{name}: {task.product}" if task.product else name
         if len(task.steps) == 1:
             return task.step.part
         return words.times.format(count=len(task.steps), part=task.row.label)
@@ -285,6 +287,12 @@ class _Page:
         if step.moves and step.contact is None:
             detail = f"<small>{_escape(step.contact_reason)}</small>" if step.contact_reason else ""
             said.append(f"{_escape(words.no_contact)} {detail}")
+        for each in task.steps:
+            if each.tool is not None and not each.tool.access:
+                name = tool_words(fastener, words) if (fastener := self._manual.fastener(each.part)) else each.tool.name
+                detail = f"<small>{_escape(each.tool.reason or '')}</small>"
+                said.append(f"{_escape(words.no_room.format(tool=name))} {detail}")
+                break
         if step.declared is not None:
             said.append(_escape(words.declared))
         return said

@@ -62,6 +62,7 @@ function describeStep(step) {
   }
   if (step.contact) facts.push(contactWords(step));
   else if (step.contactReason && step.poses.length > 1) facts.push(`no grasp: ${step.contactReason}`);
+  if (step.toolBlocked) facts.push(`${step.tool}: ${step.toolBlocked}`);
   if (step.held.length) facts.push(`hold ${step.held.join(", ")}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");
@@ -161,7 +162,7 @@ class Panel {
   }
 
   #stepRow(step, k) {
-    const { name } = this.plan.parts[step.part];
+    const name = step.product ?? this.plan.parts[step.part].name;
     const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
     const row = element("button", { type: "button", className: step.depth ? "row inside" : "row", title: name, onclick: () => this.player.showStep(k) },
       element("span", { className: "number", textContent: step.label }), this.#swatch(step.part),
@@ -180,6 +181,7 @@ class Panel {
 
   #title(step) {
     const others = step.moving.length - 1;
+    if (step.product) return `${step.product}, ${others + 1} parts`;
     return this.plan.parts[step.part].name + (others > 0 ? ` and ${others} more` : "");
   }
 
