@@ -163,7 +163,7 @@ def _thread_words(declared: DeclaredHelix) -> str:
 
 def _contact_words(step: Step) -> str:
     if step.contact is None:
-        return f"no contact ({shorten(step.contact_reason or 'not planned', REASON_WIDTH, placeholder=' …')})"
+        return f"no grasp ({shorten(step.contact_reason or 'not planned', REASON_WIDTH, placeholder=' …')})"
     return f"{step.contact.kind} of quality {step.contact.quality:.3g}"
 
 

@@ -18,9 +18,11 @@ from sashimono.io.plan_input import read_plan_input
 from sashimono.io.plan_json import read_plan
 from sashimono.outputs import replacing_together
 from sashimono.plan import AssemblyPlan, Step
+from sashimono.view.clip import clip_steps, render_clip
 from sashimono.view.manual import LANGUAGES, bill_of_materials, find_browser, print_page, write_manual
 from sashimono.view.manual.pdf import no_browser_words
 from sashimono.view.mjcf import write_mjcf
+from sashimono.view.mtc import write_mtc
 
 _log = logging.getLogger(__name__)
 
@@ -127,6 +129,54 @@ def write_scene(path: Path, out: Path, *, source: Path | None = None) -> tuple[P
     with replacing_together(out) as folder:
         names = write_mjcf(plan, assembly, folder)
     return tuple(out / name for name in names)
+
+
+def write_task(path: Path, out: Path, *, source: Path | None = None) -> tuple[Path, ...]:
+    """Write a plan for the MoveIt Task Constructor: assemble.py, steps.json and an OBJ a part; return the files.
+
+    Args:
+        path: The plan.json.
+        out: The folder to write into.
+        source: The plan's input, where it has moved.
+
+    Raises SashimonoError for what cannot be read or written.
+    """
+    plan, assembly = read_plan_and_input(path, source)
+    with replacing_together(out) as folder:
+        names = write_mtc(plan, assembly, folder)
+    return tuple(out / name for name in names)
+
+
+def write_clip(
+    path: Path,
+    file: Path,
+    *,
+    step: str | None = None,
+    source: Path | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Path:
+    """Write an animated WebP of the way in of a step, or of all, and return the file.
+
+    Args:
+        path: The plan.json.
+        file: Ends in .webp.
+        step: The step's number ("3", or "3.1" inside a subassembly); None for all steps.
+        source: The plan's input, where it has moved.
+        progress: Called with "pictures", how many are done, and of how many.
+
+    Raises SashimonoError for another ending, a step that there is not, where Pillow is missing, and for what cannot be
+    read or written.
+    """
+    if file.suffix.lower() != ".webp":
+        raise SashimonoError(f"--clip {file}: not a clip that can be written. End it in .webp.")
+    if find_spec("PIL") is None:
+        raise SashimonoError("clips need Pillow. Install it: pip install 'sashimono[render]'.")
+    plan, assembly = read_plan_and_input(path, source)
+    drawn = None if progress is None else partial(progress, "pictures")
+    content = render_clip(plan, assembly, clip_steps(plan, assembly, step), progress=drawn)
+    with replacing_together(file.parent) as folder:
+        (folder / file.name).write_bytes(content)
+    return file
 
 
 def bill_table(plan: AssemblyPlan, assembly: Assembly, fasteners: Sequence[Fastener]) -> list[list[Cell]]:

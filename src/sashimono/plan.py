@@ -218,7 +218,7 @@ class Step:
     @property
     def moved_by(self) -> str:
         """What grasps or pushes it, in a word."""
-        return "no contact" if self.contact is None else self.contact.kind
+        return "no grasp" if self.contact is None else self.contact.kind
 
     @property
     def all_steps(self) -> tuple[Step, ...]:

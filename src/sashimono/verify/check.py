@@ -230,7 +230,7 @@ def _check_step(index: int, step: Step, later: Sequence[Step], table: Table | No
         contact_wrong, remarks = contact_problems(step, body, _surroundings(step, later, table, site), config)
         notes += remarks
     elif index > 0:
-        notes.append(f"no contact: {step.contact_reason or 'no reason given'}")
+        notes.append(f"no grasp: {step.contact_reason or 'no reason given'}")
     met = [finding for finding in findings if finding.depth > 0.0]
     worst = max(met, key=lambda finding: finding.depth / finding.allowed, default=None)
     return StepReport(

@@ -16,7 +16,7 @@ from sashimono.plan import AssemblyPlan, Contact
 from sashimono.view.appearance import BASE_COLOR, part_colors, srgb_hex
 from sashimono.view.config import ViewConfig
 from sashimono.view.display_mesh import DisplayMesh
-from sashimono.view.explode import explosion_offsets
+from sashimono.view.explode import explode
 from sashimono.view.lookout import Lookout, step_lookouts
 from sashimono.view.playback import UP, PlayedStep, played_steps
 from sashimono.view.shapes import ShapeUse, make_shapes
@@ -173,7 +173,7 @@ def _parts(
     plan: AssemblyPlan, assembly: Assembly, uses: tuple[ShapeUse, ...], config: ViewConfig
 ) -> list[dict[str, Any]]:
     colors = part_colors(plan, assembly)
-    offsets = explosion_offsets(plan, assembly, config)
+    explosion = explode(plan, assembly, config)
     solved = set(plan.placed)
     return [
         {
@@ -183,7 +183,7 @@ def _parts(
             "assembled": pose_rows(plan.parts[part.name]),
             "color": colors[part.name],
             "cadColor": None if part.color is None else srgb_hex(part.color),
-            "explode": offsets[part.name].tolist(),
+            "explode": [{"turn": pull.turn, "by": pull.vector.tolist()} for pull in explosion.pulls[part.name]],
             "solved": part.name in solved,
         }
         for part, use in zip(assembly.parts, uses, strict=True)

@@ -165,7 +165,8 @@ class _Page:
             f"<td>{_escape(self._kind(row))}</td></tr>\n"
             for row in self._manual.bill
         )
-        heads = "".join(f"<th>{_escape(text)}</th>" for text in head)
+        # what has no words is no heading
+        heads = "".join(f"<th>{_escape(text)}</th>" if text else "<td></td>" for text in head)
         return f'<table class="bill"><thead><tr>{heads}</tr></thead>\n<tbody>{rows}</tbody></table>'
 
     def _kind(self, row: BillRow) -> str:
