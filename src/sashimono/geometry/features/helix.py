@@ -32,14 +32,18 @@ class HelixConfig:
     """Most of the flanks that a mere turn may carry along themselves: cones and fillets are no threads."""
     least_pitch: float = 0.005
     """Smallest shift per radian."""
+    most_pitch: float = 0.25
+    """Largest shift per radian that is looked for where normals do not tell it."""
+    most_pitches: int = 2000
+    """Pitches that are looked at then, at most."""
     least_faces: int = 24
     """Fewer faces tell nothing."""
     coherence: float = 0.5
     """Of flanks that keep in step with a thread this much (see `_coherence`), the normals may err: facets of a fine
     thread do, by more than its slope. Ridges keep up to 0.9 of it, anything else seldom 0.2."""
-    least_turns: float = 6.0
+    least_turns: float = 2.0
     """Turns from which on the pitch is told by the step rather than by the normals."""
-    refined: float = 0.02
+    refined: float = 0.05
     """Relative change of the pitch by which it is looked for then."""
 
 
@@ -89,14 +93,53 @@ def fit_helix(
     v = _robust_fit(normals, turning, areas, radius, config)
     pitch = float(v @ axis)
     if abs(pitch) < config.least_pitch * radius:
-        return None
+        weights = (areas * along)[flank]
+        return _by_step(Helix(axis=axis, point=middle, pitch=pitch, radius=radius), points[flank], weights, config)
     helix = Helix(axis=axis, point=middle + np.cross(axis, v), pitch=pitch, radius=radius)
     weights = (areas * along)[flank]
     if _coherence(helix, points[flank], weights) >= config.coherence:
-        return _refined(helix, points[flank], weights, config)
+        refined = _refined(helix, points[flank], weights, config)
+        return refined or _by_step(helix, points[flank], weights, config) or helix
     fits = _carried(normals[flank], turning[flank], np.abs(weights), v, config.inlier * radius)
     turned = _carried(normals[flank], turning[flank], np.abs(weights), v - pitch * axis, config.inlier * radius)
-    return helix if fits >= config.least_fit and turned <= config.most_turned else None
+    if fits >= config.least_fit and turned <= config.most_turned:
+        return helix
+    return _by_step(Helix(axis=axis, point=middle, pitch=pitch, radius=radius), points[flank], weights, config)
+
+
+def _by_step(
+    near: Helix, points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"], config: HelixConfig
+) -> Helix | None:
+    """The thread about the middle with which the faces keep in step best, of any pitch; None if they keep with none.
+
+    Where facets are coarse (sixteen a turn), their normals err by more than the slope of the thread.
+    """
+    near = replace(near, point=_circled(near.axis, points, np.abs(weights)))
+    turned, along = _cylindrical(near, points)
+    least, most = (near.radius * limit for limit in (config.least_pitch, config.most_pitch))
+    # phases z / pitch are told apart by a quarter turn over the whole length
+    count = int(np.ceil(2.0 / np.pi * float(np.ptp(along)) * (1.0 / least - 1.0 / most)))
+    rates = np.linspace(1.0 / most, 1.0 / least, min(max(count, 2), config.most_pitches))
+    rates = np.concatenate([rates, -rates])
+    waves = np.exp(-1j * turned) * weights
+    step = np.array([abs((waves * np.exp(1j * along * rate)).sum()) for rate in rates]) / np.abs(weights).sum()
+    best = int(np.argmax(step))
+    if step[best] < config.coherence:
+        return None
+    found = replace(near, pitch=1.0 / float(rates[best]))
+    return _refined(found, points, weights, config) or found
+
+
+def _circled(
+    axis: Float[np.ndarray, "3"], points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"]
+) -> Float[np.ndarray, "3"]:
+    """The point of an axis about which points lie on a circle, by linear least squares (Kåsa 1976)."""
+    middle = weights @ points / weights.sum()
+    plane = np.linalg.svd(axis[None])[2][1:]
+    flat = (points - middle) @ plane.T
+    rows = np.sqrt(weights)[:, None] * np.column_stack([2.0 * flat, np.ones(len(flat))])
+    center = np.linalg.lstsq(rows, np.sqrt(weights) * (flat**2).sum(axis=1), rcond=None)[0][:2]
+    return middle + center @ plane
 
 
 def _coherence(helix: Helix, points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"]) -> float:
@@ -111,8 +154,11 @@ def _coherence(helix: Helix, points: Float[np.ndarray, "face 3"], weights: Float
 
 def _refined(
     helix: Helix, points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"], config: HelixConfig
-) -> Helix:
-    """The pitch near the helix's own with which the faces keep in step best, where there are turns enough to tell."""
+) -> Helix | None:
+    """The pitch near the helix's own with which the faces keep in step best, where there are turns enough to tell.
+
+    None where they keep in step better with one that is farther off.
+    """
     turned, along = _cylindrical(helix, points)
     turns = float(np.ptp(along)) / (2.0 * np.pi * abs(helix.pitch))
     if turns < config.least_turns:
@@ -122,7 +168,7 @@ def _refined(
     step = np.array([abs((weights * np.exp(1j * (along / pitch - turned))).sum()) for pitch in pitches])
     best = int(np.argmax(step))
     if best in (0, 2 * count):
-        return helix
+        return None
     before, here, after = step[best - 1 : best + 2]
     offset = 0.5 * (before - after) / min(before - 2.0 * here + after, -1e-12 * here)  # the parabola's top
     return replace(helix, pitch=float(pitches[best] + offset * (pitches[1] - pitches[0])))
