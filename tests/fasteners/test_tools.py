@@ -110,8 +110,9 @@ def test_the_check_refutes_room_that_is_not_there() -> None:
         return [problem for step in report.steps for problem in step.hold_problems]
 
     (tool,) = [step.tool for step in plan.steps if step.tool is not None]
-    wide = tuple(replace(space, radius=0.05) for space in tool.space)
-    assert any("is in the way of hex key 5 mm" in problem for problem in with_tool(replace(tool, space=wide)))
-    assert with_tool(replace(tool, space=wide, access=False)) == []
+    # through the cover, down to 4 mm below the head
+    deep = tuple(replace(space, low=-4 * MM) for space in tool.space)
+    assert any("'cover' is in the way of hex key 5 mm" in problem for problem in with_tool(replace(tool, space=deep)))
+    assert with_tool(replace(tool, space=deep, access=False)) == []
     thin = tuple(replace(space, radius=1e-4) for space in tool.space)
     assert any("too small for that tool" in problem for problem in with_tool(replace(tool, space=thin)))

@@ -62,6 +62,8 @@ def take_apart_by_products(
             if not (now := _held_products(found)):
                 break
             for entry in now:
+                if entry.name not in {group.name for group in groups}:
+                    continue
                 less = cut_down(groups, entry, cascade.assembly.names, cascade.touching)
                 if less is None:
                     held[entry.name] = entry.reason
@@ -74,8 +76,10 @@ def take_apart_by_products(
         return found, groups, held
 
     def cost(found: DisassemblyResult, groups: Sequence[ProductGroup]) -> float:
-        apart = len(products.groups) - len(groups)
-        return round(orderer.search_cost(found, groups) + config.cost.products_apart * apart, 6)
+        return round(orderer.search_cost(found, groups), 6)
+
+    def with_apart(cost: float, groups: Sequence[ProductGroup]) -> float:
+        return round(cost + config.cost.products_apart * (len(products.groups) - len(groups)), 6)
 
     # what leaves only by physics or tilting among all parts is asked about them along the tree too, and nothing else
     patient: int | None = None
@@ -85,16 +89,18 @@ def take_apart_by_products(
     found, groups, apart = ordered(products.groups)
     if not (searched and groups) or found.stuck:
         return TakenApart(found=found, groups=groups, apart=apart)
-    least = cost(found, groups)
-    if flat.stuck or cost(flat, ()) >= least:
+    own, side_by_side = cost(found, groups), cost(flat, ())
+    if flat.stuck or own <= side_by_side:
         return TakenApart(found=found, groups=groups, apart=apart)
+    least = with_apart(own, groups)
     for group in groups[: config.products.tries]:
-        fewer = tuple(other for other in groups if other is not group)
-        tried, left, held = ordered(fewer)
-        if (less := cost(tried, left)) < least:
+        if group not in groups:
+            continue
+        tried, left, held = ordered(tuple(other for other in groups if other is not group))
+        if (less := with_apart(cost(tried, left), left)) < least:
             apart |= {group.name: f"taken apart, the order costs {least - less:.3g} less"} | held
             found, groups, least = tried, left, less
-    if groups and (less := cost(flat, ())) < least:
+    if groups and (less := with_apart(side_by_side, ())) < least:
         apart |= {
             group.name: f"with all parts side by side, the order costs {least - less:.3g} less" for group in groups
         }

@@ -70,7 +70,9 @@ def product_groups(assembly: Assembly, fasteners: Sequence[Fastener], touching: 
         members = sum(1 << index[name] for name in product.parts if name not in later)
         if members.bit_count() < 2:
             first = sorted(before[later[0]] - inside)
-            apart[product.name] = f"it has but parts that come later: {later[0]} is put on after {few_words(first)}"
+            left = few_words([name for name in product.parts if name not in later]) or "nothing"
+            why = f"{later[0]} is put on after {few_words(first)}"
+            apart[product.name] = f"{left} is left of it without its parts that come later: {why}"
         elif alone := loose_parts(members, touching):
             names = few_words([assembly.names[k] for k in bits(alone)])
             apart[product.name] = f"it does not hang together: {names} touches none of the others"
