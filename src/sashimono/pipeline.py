@@ -128,6 +128,7 @@ def plan_assembly(
         stage=clock.stage,
     )
     best: _Attempt | None = None
+    known: DisassemblyResult | None = None
     given_up = False
     refutations: dict[str, str] = {}
     for_contacts = config.contact_attempts if config.contacts else 0
@@ -137,7 +138,8 @@ def plan_assembly(
     ):
         # where an order that was searched for fails twice, or for good, the one that was found first is tried
         searched = orderer if config.method == "cascade" and number < 2 and not given_up else None
-        attempt = _attempt(planner, cascade, searched, refused, config, (motion_rng, contact_rng), progress)
+        attempt = _attempt(planner, cascade, searched, refused, known, config, (motion_rng, contact_rng), progress)
+        known = attempt.first
         refutations |= attempt.refutations
         if best is None or attempt.worth > best.worth:
             best = attempt
@@ -162,6 +164,8 @@ class _Attempt:
 
     found: DisassemblyResult
     """What level 1 took apart."""
+    first: DisassemblyResult
+    """The same in the order that was found first."""
     asked_without: frozenset[Refusal]
     """Departures that it was not to take."""
     steps: tuple[Step, ...]
@@ -201,18 +205,25 @@ def _attempt(
     cascade: Cascade,
     orderer: Orderer | None,
     refused: frozenset[Refusal],
+    before: DisassemblyResult | None,
     config: PipelineConfig,
     rngs: tuple[np.random.Generator, np.random.Generator],
     progress: Progress,
 ) -> _Attempt:
     assembly = planner.assembly
     count = len(assembly) - 1
-    with planner.stage("sequence"):
-        found = _take_apart(planner, cascade, refused, config, rngs[1], lambda done: progress("sequence", done, count))
+    if before is not None and config.method != "physics" and before.avoids(refused, cascade.parts.all_parts):
+        first = before  # with nothing of it refused, the same would be found again
+    else:
+        with planner.stage("sequence"):
+            first = _take_apart(
+                planner, cascade, refused, config, rngs[1], lambda done: progress("sequence", done, count)
+            )
+    found = first
     if orderer is not None:
         with planner.stage("order"):
             up = config.motion.table.up if planner.resting is None else planner.resting.table.normal
-            found = orderer.improve(found, refused=refused, up=up)
+            found = orderer.improve(first, refused=refused, up=up)
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
     draft = _draft(assembly, level.table, level.steps, level.unsolved)
     with planner.stage("verify"):
@@ -224,6 +235,7 @@ def _attempt(
     unsolved = (*level.unsolved, *(entry for entry in judge.refuted if entry.part not in known))
     return _Attempt(
         found=found,
+        first=first,
         asked_without=refused,
         steps=steps,
         table=level.table,
@@ -287,7 +299,7 @@ class _Judge:
                 logger.info("refuted: %s", entry.line())
             if entry.problems:
                 gone.update(step.members)
-                self._take_out(step, entry.problems[0])
+                self._take_out(step, entry)
                 continue
             fixed = tuple(name for name in step.fixed if name not in gone)
             step = replace(step, fixed=fixed, motion=self._with_evidence(step, entry))
@@ -303,21 +315,31 @@ class _Judge:
         return tuple(out)
 
     def contactless(self, steps: Sequence[Step]) -> frozenset[Refusal]:
-        """Return the departures of the steps that move and have no contact, inside subassemblies too."""
+        """Return the departures of the steps that move and have no contact, inside subassemblies too.
+
+        They are refused while all that was there is there: with less in place, fingers may get in.
+        """
         every = [inner for step in steps for inner in step.all_steps]
         return frozenset(
-            self._departures[step.part].path_refusal
+            replace(self._departures[step.part].path_refusal, among=self._mask(step.fixed))
             for step in every
             if step.contact is None and len(step.motion.T_world_part) > 1 and step.part in self._departures
         )
 
-    def _take_out(self, step: Step, problem: str) -> None:
-        reason = f"refuted by the check: {problem}"
+    def _mask(self, names: Sequence[str]) -> int:
+        return sum(1 << self._assembly.index(name) for name in names)
+
+    def _take_out(self, step: Step, entry: StepReport) -> None:
+        reason = f"refuted by the check: {entry.problems[0]}"
         self.refuted += [
             Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=reason) for name in step.members
         ]
         if step.part in self._departures:
-            self.refused.add(self._departures[step.part].path_refusal)
+            # one pair that goes too deep: the way is good as soon as that part is not there
+            is_pair = len(entry.problems) == 1 and entry.allowed is not None and entry.max_penetration > entry.allowed
+            met = [name for name in step.fixed if is_pair and name == entry.against]
+            among = self._mask(met)
+            self.refused.add(replace(self._departures[step.part].path_refusal, among=among))
 
     def _with_evidence(self, step: Step, entry: StepReport) -> Motion:
         part = self._assembly.part(step.part)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
@@ -114,13 +114,32 @@ class TreePlanner:
             steps=self._steps(moved, departures, inside, motions, contacts),
             table=motions.table,
             unsolved=tuple(unsolved.values()),
-            refused=frozenset(departures[name].refusal for name in failed).union(*(b.refused for b in inside.values())),
+            refused=frozenset(
+                refusal
+                for name, entry in failed.items()
+                for refusal in self._refusals(departures, order[: order.index(name)], name, entry)
+            ).union(*(below.refused for below in inside.values())),
             failed=(*failed.values(), *(entry for below in inside.values() for entry in below.failed)),
         )
 
     def _bench(self) -> TreePlanner:
         """The planner of what is put together elsewhere: what the user says of table and tray is of the top level."""
         return replace(self, resting=None, motion=replace(self.motion, table=replace(self.motion.table, up=None)))
+
+    def _refusals(
+        self, departures: Mapping[str, Departure], before: Sequence[str], name: str, entry: Unsolved
+    ) -> list[Refusal]:
+        """What level 1 is told of a part without a motion: not that way while any placed part that it met is there.
+
+        Where it met none of them, not that way at all.
+        """
+        refusal = departures[name].refusal
+        met = [
+            departures[other].members if other in departures else 1 << self.assembly.index(other)
+            for other in entry.blocked_by
+            if other in before
+        ]
+        return [replace(refusal, among=members) for members in met] or [refusal]
 
     def _members(self, departure: Departure) -> tuple[str, ...]:
         return names_of(self.assembly, bits(departure.members))

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from sashimono.disassembly.blocking.groups import find_subassembly
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
 from sashimono.disassembly.sequence.constraints import OrderConstraints, resolve
 from sashimono.disassembly.sequence.cost import OrderCostConfig
@@ -194,14 +194,14 @@ class _Chooser:
         separation = self.cascade.directions.along(part, remaining, preference=worth, refused=self.refused)
         before_groups = takewhile(lambda stage: stage is not self.cascade.groups, self.later_stages)
         for stage in before_groups:
-            if separation is None and not self._is_refused(part):
+            if separation is None and not self._is_refused(part, remaining):
                 found = self.inquiry.ask(stage, part, remaining)
                 separation = found if found.answer is Answer.FREE else None
         return None if separation is None else Departure(part=part, members=1 << part, separation=separation)
 
-    def _is_refused(self, part: int) -> bool:
+    def _is_refused(self, part: int, remaining: int) -> bool:
         """Whether what the later stages found for a part was refused."""
-        return Refusal(members=1 << part, direction_index=None) in self.refused
+        return is_refused(self.refused, 1 << part, None, remaining & ~(1 << part))
 
     def next_by_one_translation(
         self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None
@@ -227,8 +227,8 @@ class _Chooser:
                 part, remaining, preference=worth, refused=self.refused, among=(direction_index,)
             )
             if separation is not None:
-                turn = Refusal(members=1 << part, direction_index=direction_index, only_turned=True)
-                if turn not in self.refused:
+                others = remaining & ~(1 << part)
+                if not is_refused(self.refused, 1 << part, direction_index, others, only_turned=True):
                     separation = self.cascade.with_declared_thread(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
@@ -246,7 +246,7 @@ class _Chooser:
     ) -> Departure | None:
         """A part that a later stage frees, the protected one last; else None, and ``said`` knows more of every part."""
         for part in sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k)):
-            if self._is_refused(part):
+            if self._is_refused(part, remaining):
                 said[part] = REFUSED
                 continue
             if part == self.wishes.base:

@@ -9,7 +9,7 @@ are counted again with all held parts by linear programs, the greedy order among
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,14 +17,14 @@ from jaxtyping import Float
 
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.sequence.alternatives import Alternatives
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
 from sashimono.disassembly.sequence.cost import Amounts, CostModel, Placing, add
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.disassembly.sequence.holds import Allowance, Balance, Contacts, HoldCounter, table_under
 from sashimono.disassembly.sequence.moves import Blocked, placed_earlier
-from sashimono.disassembly.sequence.ways import Candidate, Leaving, Way, Ways, Work, units_of
+from sashimono.disassembly.sequence.ways import Candidate, Leaving, Lines, Unit, Way, Ways, Work, units_of
 from sashimono.plan import Alternative
 
 
@@ -57,6 +57,9 @@ class OrderSearchConfig:
     """Steps counted anew for orders in which one part is placed earlier, to make the best ones better."""
     traced: float = 1_500_000.0
     """Points of pairs of parts that are traced along straight lines."""
+    mending: float = 1.0
+    """Where ways of an order were refused: how much more it may cost with these replaced, all else kept. If that costs
+    more, orders are searched anew."""
     explained: int = 20
     """Later parts of which each step says why they did not come instead, where that is asked."""
     table_gap: float = 0.01
@@ -87,8 +90,19 @@ class _State:
         return tuple(reversed(out))
 
 
+@dataclass(kw_only=True, eq=False)
+class _Memory:
+    """What was found of one set of parts, and holds for every later search of it, whatever was refused since."""
+
+    by_table: dict[tuple[int, bytes], tuple[HoldCounter, bool]] = field(default_factory=dict)
+    balances: dict[bytes, dict[Balance, bool]] = field(default_factory=dict)
+    allowance: Allowance
+    last: Candidate | None = None
+    """The order that was taken last."""
+
+
 class OrderSearch:
-    """Searches orders of one assembly."""
+    """Searches orders of one assembly. What it has found once it does not ask again."""
 
     def __init__(
         self,
@@ -104,6 +118,8 @@ class OrderSearch:
         self._model = model
         self._wishes = wishes
         self._config = config
+        self._lines = Lines()
+        self._memories: dict[tuple[int, int, bytes | None], _Memory] = {}
 
     def improve(
         self,
@@ -117,7 +133,7 @@ class OrderSearch:
         """Return a disassembly of the same parts that costs least of those looked at, with the table it is for.
 
         Args:
-            found: The greedy one.
+            found: The greedy one, which takes none of the ways that are refused.
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
             up: Away from the table, where that is given; else the search chooses.
@@ -129,10 +145,15 @@ class OrderSearch:
             return found
         work = Work(self._cascade, self._config.traced)
         run = _Run(self, found, start, refused, work, up)
-        candidates: list[Candidate] = []
-        for first in run.starts(top):
-            candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
-        best = run.best(candidates)
+        mended = run.mended()
+        if mended is None or not mended[1]:
+            candidates: list[Candidate] = [] if mended is None else [mended[0]]
+            for first in run.starts(top):
+                candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
+            best = run.best(candidates)
+        else:
+            best = run.best([mended[0]])
+        run.remember(best)
         return found if best is None else run.result(best)
 
     def alternatives(
@@ -197,10 +218,13 @@ class _Run:
         self._up = up
         self._stuck = sum(1 << part for part, _ in found.stuck)
         self._units = units_of(found.base, found.removals, start)
-        self._by_table: dict[tuple[int, bytes], tuple[HoldCounter, bool]] = {}
         self._ways: dict[bytes, Ways] = {}
-        self._allowance = Allowance(self._config.balances)
-        self._balances: dict[bytes, dict[Balance, bool]] = {}
+        self._lines = search._lines
+        key = (start, self._stuck, None if up is None else up.tobytes())
+        if key not in search._memories:
+            search._memories[key] = _Memory(allowance=Allowance(self._config.balances))
+        self._memory = search._memories[key]
+        self._memory.allowance.renew(self._config.balances)
 
     @property
     def width(self) -> int:
@@ -218,6 +242,7 @@ class _Run:
                 up,
                 refused=self._refused,
                 work=self._work,
+                lines=self._lines,
                 above=self._model.config.above,
             )
         return self._ways[key]
@@ -420,7 +445,8 @@ class _Run:
 
     def _holds(self, base: int, up: Float[np.ndarray, "3"]) -> tuple[HoldCounter, bool]:
         key = (base, np.round(up, 9).tobytes())
-        if key not in self._by_table:
+        by_table = self._memory.by_table
+        if key not in by_table:
             scene = self._model.scene
             lows = scene.bounds_along(up)[:, 0]
             inside = np.array([lows[part] for part in bits(self._start)])
@@ -431,11 +457,48 @@ class _Run:
                 self._contacts,
                 table,
                 fixed=standing if in_fixture else 0,
-                allowance=self._allowance,
-                known=self._balances.setdefault(key[1], {}),
+                allowance=self._memory.allowance,
+                known=self._memory.balances.setdefault(key[1], {}),
             )
-            self._by_table[key] = (counter, in_fixture)
-        return self._by_table[key]
+            by_table[key] = (counter, in_fixture)
+        return by_table[key]
+
+    def mended(self) -> tuple[Candidate, bool] | None:
+        """Return the order that was taken last, as nearly as it can still be taken; and whether it costs hardly more.
+
+        At each place leaves the first of those that left later which still can. None if there was no order, or if
+        nothing of it can leave any more.
+        """
+        known = self._memory.last
+        units = {unit.members: unit for unit in self._units}
+        if known is None or {units[m] for m in units if m != known.base} != {
+            units.get(entry.unit.members) for entry in known.leaving
+        }:
+            return None
+        ways, remaining, last = self.ways(known.up), self._start, None
+        waiting = [units[entry.unit.members] for entry in known.leaving]
+        leaving: list[Leaving] = []
+        while waiting:
+            entry = self._first_of(waiting, ways, remaining, last)
+            if entry is None:
+                return None
+            leaving.append(entry)
+            waiting.remove(entry.unit)
+            remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
+        order = self.polished(replace(known, leaving=tuple(leaving)))
+        return order, order.cost <= known.cost + self._config.mending
+
+    def _first_of(self, units: Sequence[Unit], ways: Ways, remaining: int, last: int | None) -> Leaving | None:
+        for unit in units:
+            if not self._holds_back(unit.members, remaining):
+                way = ways.way(unit, remaining, last)
+                if way is not None:
+                    return Leaving(unit=unit, way=way)
+        return None
+
+    def remember(self, order: Candidate | None) -> None:
+        """Keep the order that is taken for the next search, should parts of it be refused."""
+        self._memory.last = None if order is None else replace(order, cost=self.cost(order, exact=False))
 
     def best(self, candidates: Sequence[Candidate]) -> Candidate | None:
         """Return the cheapest of the best few, all held parts counted exactly, and the greedy order among them."""
@@ -508,7 +571,6 @@ class _Run:
             unit.part, remaining, preference=lambda direction: 0.0, refused=self._refused, among=(s,)
         )
         assert separation is not None, "the relation answers the same question the same way"
-        turn = Refusal(members=unit.members, direction_index=s, only_turned=True)
-        if turn not in self._refused:
+        if not is_refused(self._refused, unit.members, s, remaining & ~unit.members, only_turned=True):
             separation = self._cascade.with_declared_thread(unit.part, remaining, separation)
         return Departure(part=unit.part, members=unit.members, separation=separation)
