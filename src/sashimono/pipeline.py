@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
@@ -294,15 +294,22 @@ class _Judge:
         """Return the steps that hold, here and inside subassemblies, each with what the check measured."""
         out: list[Step] = []
         gone: set[str] = set()
+        turned: Table | None = None
         for step, entry in zip(steps, reports, strict=True):
+            # where the step is taken out before which the product is turned over, it is before the next one
+            turned = step.table or turned
+            fixed = tuple(name for name in step.fixed if name not in gone)
+            if turned is not None and gone and self._floats(fixed, turned):
+                gone.update(step.members)
+                self._take_out(step, "what the product was to stand on, turned over, is not in place")
+                continue
             if entry.problems or entry.contact_problems:
                 logger.info("refuted: %s", entry.line())
             if entry.problems:
                 gone.update(step.members)
-                self._take_out(step, entry)
+                self._take_out(step, f"refuted by the check: {entry.problems[0]}", self._met(step, entry))
                 continue
-            fixed = tuple(name for name in step.fixed if name not in gone)
-            step = replace(step, fixed=fixed, motion=self._with_evidence(step, entry))
+            step = replace(step, fixed=fixed, table=turned, motion=self._with_evidence(step, entry))
             if entry.contact_problems:
                 step = replace(
                     step, contact=None, carry=None, contact_reason=f"refuted by the check: {entry.contact_problems[0]}"
@@ -312,6 +319,7 @@ class _Judge:
                 order = tuple(each.part for each in inner)
                 step = replace(step, subassembly=replace(step.subassembly, order=order, steps=inner))
             out.append(step)
+            turned = None
         return tuple(out)
 
     def contactless(self, steps: Sequence[Step]) -> frozenset[Refusal]:
@@ -326,19 +334,29 @@ class _Judge:
             if step.contact is None and len(step.motion.T_world_part) > 1 and step.part in self._departures
         )
 
-    def _mask(self, names: Sequence[str]) -> int:
+    def _mask(self, names: Iterable[str]) -> int:
         return sum(1 << self._assembly.index(name) for name in names)
 
-    def _take_out(self, step: Step, entry: StepReport) -> None:
-        reason = f"refuted by the check: {entry.problems[0]}"
+    def _floats(self, names: Sequence[str], table: Table) -> bool:
+        """Whether nothing of these parts stands on a table."""
+        parts = [self._assembly.part(name) for name in names]
+        low = min(float((part.vertices_world @ table.normal).min()) for part in parts)
+        least = min(smallest_extent(part.vertices_part, part.faces) for part in parts)
+        return low - table.offset > self._config.verify.relative_tolerance * least
+
+    def _met(self, step: Step, entry: StepReport) -> int:
+        """Mask of the one placed part that a step goes too deep into; 0 if that is not all that is wrong with it."""
+        too_deep = entry.allowed is not None and entry.max_penetration > entry.allowed
+        if not too_deep or len(entry.problems) > 1:
+            return 0
+        return self._mask(name for name in step.fixed if name == entry.against)
+
+    def _take_out(self, step: Step, reason: str, among: int | None = None) -> None:
+        """Take a step out; its way is refused while these parts (a mask) are there, or not at all if None."""
         self.refuted += [
             Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=reason) for name in step.members
         ]
-        if step.part in self._departures:
-            # one pair that goes too deep: the way is good as soon as that part is not there
-            is_pair = len(entry.problems) == 1 and entry.allowed is not None and entry.max_penetration > entry.allowed
-            met = [name for name in step.fixed if is_pair and name == entry.against]
-            among = self._mask(met)
+        if step.part in self._departures and among is not None:
             self.refused.add(replace(self._departures[step.part].path_refusal, among=among))
 
     def _with_evidence(self, step: Step, entry: StepReport) -> Motion:

@@ -41,6 +41,16 @@ class Departure:
         return not is_refused(refused, self.members, s, others)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Turn:
+    """The product is turned over once."""
+
+    count: int
+    """How many parts leave, the first ones, before it is: so many are placed after it was turned over in assembly."""
+    up: tuple[float, float, float]
+    """Away from the table on which they are placed, unit."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DisassemblyResult:
     """How far the parts came apart."""
@@ -53,6 +63,8 @@ class DisassemblyResult:
     """Parts that could not leave, the base and what is inside subassemblies aside, each with what is known."""
     up: tuple[float, float, float] | None = None
     """Away from the table that the order is for; None: any."""
+    turn: Turn | None = None
+    """Where the product is turned over from that table to another; None: it is not."""
 
     def avoids(self, refused: Collection[Refusal], start: int) -> bool:
         """Return whether none of these refusals is about any of its departures, those inside subassemblies included.

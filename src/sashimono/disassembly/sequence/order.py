@@ -122,8 +122,11 @@ class Orderer:
         names = self._cascade.assembly.names
         kept = tuple(d for d in found.removals if names[d.part] in plan.order)
         start = sum(d.members for d in kept) | 1 << found.base | sum(1 << part for part, _ in found.stuck)
+        turn = found.turn
+        if turn is not None:
+            turn = replace(turn, count=sum(d in kept for d in found.removals[: turn.count]))
         asked = self.search.alternatives(
-            replace(found, removals=kept), start=start, refused=refused, up=plan.table.normal
+            replace(found, removals=kept), start=start, refused=refused, up=plan.table.normal, turn=turn
         )
         by_name = {names[part]: alternatives for part, alternatives in asked.items()}
         steps = tuple(replace(step, alternatives=by_name.get(step.part, ())) for step in plan.steps)

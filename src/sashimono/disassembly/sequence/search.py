@@ -8,7 +8,7 @@ are counted again with all held parts by linear programs, the greedy order among
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,11 +21,11 @@ from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.sequence.alternatives import Alternatives
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
 from sashimono.disassembly.sequence.cost import Amounts, CostModel, Placing, add
-from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
+from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult, Turn
 from sashimono.disassembly.sequence.holds import Allowance, Balance, Contacts, HoldCounter, table_under
-from sashimono.disassembly.sequence.moves import Blocked, placed_earlier
+from sashimono.disassembly.sequence.moves import Blocked, earlier_in
 from sashimono.disassembly.sequence.ways import Candidate, Leaving, Lines, Unit, Way, Ways, Work, units_of
-from sashimono.plan import Alternative
+from sashimono.plan import Alternative, Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +55,9 @@ class OrderSearchConfig:
     """Sets of placed parts for which that is done, at most; orders with more are compared by the bounds."""
     moves: int = 3_000
     """Steps counted anew for orders in which one part is placed earlier, to make the best ones better."""
+    turned_tables: int = 3
+    """Tables that the product may be turned over to, for each order that it is tried with: first the opposite one. 0:
+    it is never turned over. Nor is it where the user says which way is up, or inside subassemblies."""
     traced: float = 1_500_000.0
     """Points of pairs of parts that are traced along straight lines."""
     mending: float = 1.0
@@ -145,14 +148,15 @@ class OrderSearch:
             return found
         work = Work(self._cascade, self._config.traced)
         run = _Run(self, found, start, refused, work, up)
+        may_turn = top and up is None
         mended = run.mended()
         if mended is None or not mended[1]:
             candidates: list[Candidate] = [] if mended is None else [mended[0]]
             for first in run.starts(top):
                 candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
-            best = run.best(candidates)
+            best = run.best(candidates, may_turn=may_turn)
         else:
-            best = run.best([mended[0]])
+            best = run.best([mended[0]], may_turn=False)
         run.remember(best)
         return found if best is None else run.result(best)
 
@@ -163,6 +167,7 @@ class OrderSearch:
         start: int,
         refused: frozenset[Refusal],
         up: Float[np.ndarray, "3"],
+        turn: Turn | None = None,
     ) -> dict[int, tuple[Alternative, ...]]:
         """Return what else could have come in place of each departure, by its part; inside subassemblies aside.
 
@@ -170,14 +175,15 @@ class OrderSearch:
             found: The disassembly that was taken.
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
-            up: Away from the table, unit.
+            up: Away from the table that it begins on, unit.
+            turn: Where the product is turned over.
         """
         run = _Run(self, found, start, refused, Work(self._cascade, self._config.traced), up)
-        ways, order = run.ways(up), run.greedy(up)
+        order = replace(run.greedy(up), turn=turn)
         asked = Alternatives(
             order,
             start,
-            ways,
+            run.ways,
             self._model,
             self._wishes,
             lambda candidate: run.amounts(candidate, exact=False),
@@ -381,7 +387,7 @@ class _Run:
 
     def polished(self, candidate: Candidate) -> Candidate:
         """Return an order with single parts placed earlier as long as that makes it cheaper and the budget lasts."""
-        ways, count = self.ways(candidate.up), len(candidate.leaving)
+        count = len(candidate.leaving)
         best = self._model.total(self.amounts(candidate, exact=False))
         tries = self._config.moves // max(1, count)
         pairs = [(own, own - by) for by in range(1, count) for own in range(by, count)]
@@ -389,11 +395,10 @@ class _Run:
         while since < len(pairs) and tries > 0:
             own, later = pairs[place]
             place, since = (place + 1) % len(pairs), since + 1
-            order = placed_earlier(candidate.leaving, later, own, start=self._start, ways=ways, wishes=self._wishes)
-            if isinstance(order, Blocked):
+            changed = earlier_in(candidate, later, own, start=self._start, ways=self.ways, wishes=self._wishes)
+            if isinstance(changed, Blocked) or not self._can_be_turned(changed):
                 continue
             tries -= 1
-            changed = replace(candidate, leaving=order)
             cost = self._model.total(self.amounts(changed, exact=False))
             if cost < best - 1e-6:
                 candidate, best, since = changed, cost, 0
@@ -444,6 +449,7 @@ class _Run:
         return any(self._wishes.holds_back(part, remaining & ~members) for part in bits(members))
 
     def _holds(self, base: int, up: Float[np.ndarray, "3"]) -> tuple[HoldCounter, bool]:
+        """What counts held parts on the table that a base stands on, and whether it needs a fixture there."""
         key = (base, np.round(up, 9).tobytes())
         by_table = self._memory.by_table
         if key not in by_table:
@@ -453,15 +459,83 @@ class _Run:
             gap = self._config.table_gap * scene.size
             standing = base | self._stuck
             table, in_fixture = table_under(inside, float(min(lows[part] for part in bits(standing))), up, gap)
-            counter = HoldCounter(
-                self._contacts,
-                table,
-                fixed=standing if in_fixture else 0,
-                allowance=self._memory.allowance,
-                known=self._memory.balances.setdefault(key[1], {}),
-            )
-            by_table[key] = (counter, in_fixture)
+            by_table[key] = (self._counter(table, standing if in_fixture else 0), in_fixture)
         return by_table[key]
+
+    def _counter(self, table: Table, fixed: int) -> HoldCounter:
+        return HoldCounter(
+            self._contacts,
+            table,
+            fixed=fixed,
+            allowance=self._memory.allowance,
+            known=self._memory.balances.setdefault(np.round(table.normal, 9).tobytes(), {}),
+        )
+
+    def _turned_over(self, order: Candidate) -> tuple[int, HoldCounter]:
+        """Mask of the parts that are in place when the product is turned over, and what counts held parts from then."""
+        assert order.turn is not None
+        placed = self._start
+        for leaving in order.leaving[: order.turn.count]:
+            placed &= ~leaving.unit.members
+        up = np.array(order.turn.up)
+        key = (-placed, np.round(up, 9).tobytes())  # no base: those are positive
+        if key not in self._memory.by_table:
+            lows = self._model.scene.bounds_along(up)[:, 0]
+            offset = float(min(lows[part] for part in bits(placed)))
+            self._memory.by_table[key] = (self._counter(Table(normal=up, offset=offset), 0), False)
+        return placed, self._memory.by_table[key][0]
+
+    def _can_be_turned(self, order: Candidate) -> bool:
+        """Whether what is placed after the turn comes from above or level, and lies no lower than what stands there."""
+        if order.turn is None:
+            return True
+        up = np.array(order.turn.up)
+        after = order.leaving[: order.turn.count]
+        if any(float(leaving.way.exit_direction @ up) < -1e-6 for leaving in after):
+            return False
+        table = self._turned_over(order)[1].table
+        lows = self._model.scene.bounds_along(up)[:, 0]
+        lowest = min((float(lows[part]) for leaving in after for part in bits(leaving.unit.members)), default=np.inf)
+        return lowest >= table.offset - 1e-6 * self._model.scene.size
+
+    def turned(self, order: Candidate) -> list[Candidate]:
+        """Return orders like this one in which the product is turned over once, for what does not come from above.
+
+        What comes from above on the other table is placed last, on that. All else keeps its order.
+        """
+        above = self._model.config.above
+        wanted = {e.unit.members for e in order.leaving if float(e.way.exit_direction @ order.up) < above}
+        others = [n for n in self._normals(order.base) if float(n @ order.up) < self._config.same_table]
+        others.sort(key=lambda normal: round(float(normal @ order.up), 6))
+        found = []
+        for up in others[: self._config.turned_tables] if wanted else []:
+            ways, remaining, last = self.ways(up), self._start, None
+            waiting = [entry.unit for entry in order.leaving]
+            leaving: list[Leaving] = []
+            while entry := self._from_above((u for u in waiting if u.members in wanted), ways, remaining, last, up):
+                leaving.append(entry)
+                waiting.remove(entry.unit)
+                remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
+            count, last = len(leaving), None
+            while waiting and (entry := self._first_of(waiting, self.ways(order.up), remaining, last)):
+                leaving.append(entry)
+                waiting.remove(entry.unit)
+                remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
+            turn = Turn(count=count, up=(float(up[0]), float(up[1]), float(up[2])))
+            changed = replace(order, leaving=tuple(leaving), turn=turn)
+            if count and count < len(leaving) and not waiting and self._can_be_turned(changed):
+                found.append(replace(changed, cost=self.cost(changed, exact=False)))
+        return found
+
+    def _from_above(
+        self, units: Iterable[Unit], ways: Ways, remaining: int, last: int | None, up: Float[np.ndarray, "3"]
+    ) -> Leaving | None:
+        """The first of these units that may leave upwards now."""
+        for unit in units:
+            entry = self._first_of([unit], ways, remaining, last)
+            if entry is not None and float(entry.way.exit_direction @ up) >= self._model.config.above:
+                return entry
+        return None
 
     def mended(self) -> tuple[Candidate, bool] | None:
         """Return the order that was taken last, as nearly as it can still be taken; and whether it costs hardly more.
@@ -475,17 +549,23 @@ class _Run:
             units.get(entry.unit.members) for entry in known.leaving
         }:
             return None
-        ways, remaining, last = self.ways(known.up), self._start, None
-        waiting = [units[entry.unit.members] for entry in known.leaving]
+        remaining = self._start
         leaving: list[Leaving] = []
-        while waiting:
-            entry = self._first_of(waiting, ways, remaining, last)
-            if entry is None:
-                return None
-            leaving.append(entry)
-            waiting.remove(entry.unit)
-            remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
-        order = self.polished(replace(known, leaving=tuple(leaving)))
+        count = 0 if known.turn is None else known.turn.count
+        for stretch in (range(count), range(count, len(known.leaving))):
+            waiting = [units[known.leaving[k].unit.members] for k in stretch]
+            last = None
+            while waiting:
+                entry = self._first_of(waiting, self.ways(known.up_at(stretch.start)), remaining, last)
+                if entry is None:
+                    return None
+                leaving.append(entry)
+                waiting.remove(entry.unit)
+                remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
+        order = replace(known, leaving=tuple(leaving))
+        if not self._can_be_turned(order):
+            return None
+        order = self.polished(order)
         return order, order.cost <= known.cost + self._config.mending
 
     def _first_of(self, units: Sequence[Unit], ways: Ways, remaining: int, last: int | None) -> Leaving | None:
@@ -500,8 +580,13 @@ class _Run:
         """Keep the order that is taken for the next search, should parts of it be refused."""
         self._memory.last = None if order is None else replace(order, cost=self.cost(order, exact=False))
 
-    def best(self, candidates: Sequence[Candidate]) -> Candidate | None:
-        """Return the cheapest of the best few, all held parts counted exactly, and the greedy order among them."""
+    def best(self, candidates: Sequence[Candidate], *, may_turn: bool) -> Candidate | None:
+        """Return the cheapest of the best few, all held parts counted exactly, and the greedy order among them.
+
+        Args:
+            candidates: Orders.
+            may_turn: Whether orders like them in which the product is turned over are looked at too.
+        """
         ranked = sorted(range(len(candidates)), key=lambda k: (round(candidates[k].cost, 6), k))
         tables: dict[tuple[int, bytes], Candidate] = {}
         for k in ranked:
@@ -510,6 +595,10 @@ class _Run:
         base = 1 << self._found.base
         normals = self._normals(base) if self._up is None else [self._up]
         greedy = min(map(self.greedy, normals), key=lambda order: round(self.cost(order, exact=False), 6))
+        if may_turn and self._config.turned_tables:
+            over = [turned for order in (*tried, *tables.values(), greedy) for turned in self.turned(order)]
+            cheapest = min(over, key=lambda order: round(order.cost, 6), default=None)
+            tried += [] if cheapest is None else [self.polished(cheapest)]
         compared = [*tried, greedy]
         exact = len(self._units) * len(compared) <= self._config.exact_sets
         scored = [(round(self.cost(order, exact=exact), 6), k, order) for k, order in enumerate(compared)]
@@ -531,18 +620,35 @@ class _Run:
     def amounts(self, candidate: Candidate, *, exact: bool) -> Amounts:
         """Return the terms of an order."""
         holds, in_fixture = self._holds(candidate.base, candidate.up)
-        count = holds.fewest if exact else holds.at_least
+        turn = candidate.turn
+        placed, on = (0, holds) if turn is None else self._turned_over(candidate)
+
+        def held_of(counter: HoldCounter, parts: int) -> int:
+            return counter.fewest(parts) if exact else counter.at_least(parts)
+
         out: Amounts = {}
         remaining, after, below = self._start, None, in_fixture
-        held = count(remaining)
-        for leaving in candidate.leaving:
+        held = held_of(on, remaining)
+        for k, leaving in enumerate(candidate.leaving):
+            is_turned = turn is not None and k == turn.count
+            if is_turned:
+                add(out, self._model.of_turn(placed, held, on.table))
+                on = holds
+                held = held_of(on, remaining)
+            up = candidate.up_at(k)
             members = leaving.unit.members
             rest = remaining & ~members
-            after = Placing(members=members, exit_direction=leaving.way.exit_direction, rest=rest, after=after)
-            add(out, self._model.of_placing(after, self._start & ~remaining, candidate.up))
-            if self._is_from_below(after, candidate.up):
+            after = Placing(
+                members=members,
+                exit_direction=leaving.way.exit_direction,
+                rest=rest,
+                after=after,
+                turned_after=is_turned,
+            )
+            add(out, self._model.of_placing(after, self._start & ~remaining, up))
+            if self._is_from_below(after, up):
                 below = True
-            held_before = count(rest)
+            held_before = held_of(on, rest)
             add(out, self._model.of_hands(held_before, held))
             remaining, held = rest, held_before
         add(out, self._model.of_start(candidate.base, candidate.base | self._stuck, held, below, holds.table))
@@ -560,6 +666,7 @@ class _Run:
             base=candidate.base.bit_length() - 1,
             removals=tuple(removals),
             up=tuple(float(x) for x in candidate.up),
+            turn=candidate.turn,
         )
 
     def _departure(self, leaving: Leaving, remaining: int) -> Departure:

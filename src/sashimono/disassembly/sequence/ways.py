@@ -16,7 +16,7 @@ from jaxtyping import Float
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal, is_refused
-from sashimono.disassembly.sequence.departures import Departure
+from sashimono.disassembly.sequence.departures import Departure, Turn
 from sashimono.disassembly.sequence.scene import OrderScene
 
 
@@ -69,6 +69,12 @@ class Candidate:
     leaving: tuple[Leaving, ...]
     cost: float
     """With held parts as far as they are bounded."""
+    turn: Turn | None = None
+    """Where the product is turned over."""
+
+    def up_at(self, k: int) -> Float[np.ndarray, "3"]:
+        """Return away from the table on which what leaves as number ``k`` is placed."""
+        return self.up if self.turn is None or k >= self.turn.count else np.array(self.turn.up)
 
 
 class Lines:
