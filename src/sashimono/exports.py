@@ -169,10 +169,16 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
             [
                 f"{prefix}{k}", step.part, " ".join(step.members), *way, step.moved_by if step.moves else "base",
                 "" if step.moving else _tool(kinds.get(step.part)), " ".join(step.held),
-                "" if step.hands is None else step.hands, step.contact_reason or "",
+                "" if step.hands is None else step.hands, _note(step),
             ]
         )  # fmt: skip
     return rows
+
+
+def _note(step: Step) -> str:
+    said = ["the product is turned over before"] if step.turned else []
+    said += [f"then held: {' '.join(step.held_before)}"] if step.held_before else []
+    return "; ".join([*said, *([step.contact_reason] if step.contact_reason else [])])
 
 
 def _tool(fastener: Fastener | None) -> str:

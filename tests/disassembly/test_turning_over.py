@@ -143,7 +143,7 @@ def test_a_forged_table_is_refused() -> None:
     # turned back at once: legs that were put in from above on the other table
     assert "unit vector" in problems_of(with_step(plan, k, table=Table(normal=2.0 * UP, offset=0.0)))
     assert "nothing is placed that could be turned over" in problems_of(with_step(plan, 0, table=table))
-    tilted = np.array([0.0, 0.6, 0.8])
+    tilted = np.array([0.0, 0.28, 0.96])
     lowest = min(float((set_table().part(name).vertices_world @ tilted).min()) for name in step.fixed)
     on_edge = Table(normal=tilted, offset=lowest)
     said = problems_of(with_step(plan, k, table=on_edge))
