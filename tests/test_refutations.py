@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from solids import box_with_lid, peg_in_plate
 
-from sashimono import pipeline
-from sashimono.assembly import Assembly
 from sashimono.pipeline import PipelineConfig, plan_assembly
 from sashimono.plan import Answer, AssemblyPlan, Step
-from sashimono.verify import VerifyReport, verify_plan
+from sashimono.verify import Verifier, VerifyReport
 
 SAID = "a reason made up by this test"
 
@@ -27,9 +25,8 @@ class RefutingCheck:
         self.plans: list[AssemblyPlan] = []
         """The drafts that it was given, one for each attempt."""
 
-    def __call__(self, plan: AssemblyPlan, assembly: Assembly, **options: object) -> VerifyReport:
+    def __call__(self, plan: AssemblyPlan, report: VerifyReport) -> VerifyReport:
         self.plans.append(plan)
-        report = verify_plan(plan, assembly, **options)
         steps = tuple(
             replace(entry, **{self._field: (SAID,)}) if self._picks(step, len(self.plans)) else entry
             for step, entry in zip(plan.steps, report.steps, strict=True)
@@ -46,7 +43,8 @@ def way_in(plan: AssemblyPlan, part: str) -> np.ndarray:
 
 def refuting(monkeypatch: pytest.MonkeyPatch, picks: Callable[[Step, int], bool], **options: bool) -> RefutingCheck:
     check = RefutingCheck(picks, **options)
-    monkeypatch.setattr(pipeline, "verify_plan", check)
+    real = Verifier.check
+    monkeypatch.setattr(Verifier, "check", lambda verifier, plan: check(plan, real(verifier, plan)))
     return check
 
 

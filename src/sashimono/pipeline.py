@@ -29,7 +29,7 @@ from sashimono.motion import MotionConfig
 from sashimono.plan import Answer, AssemblyPlan, Fastening, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
 from sashimono.stability import StabilityConfig, hold_plan
 from sashimono.tree import Progress, TreePlanner
-from sashimono.verify import StepReport, VerifyConfig, check_holds, verify_plan
+from sashimono.verify import StepReport, Verifier, VerifyConfig
 
 logger = logging.getLogger(__name__)
 
@@ -85,7 +85,7 @@ def plan_assembly(
 ) -> AssemblyPlan:
     """Plan an assembly: an order, a motion and a contact for each part, checked independently.
 
-    The plan is ``complete`` only if every part has a motion and `verify_plan` found nothing wrong;
+    The plan is ``complete`` only if every part has a motion and `Verifier.check` found nothing wrong;
     otherwise it is ``partial`` and says of each missing part what is known. The same seed gives the
     same plan, timings apart.
 
@@ -127,6 +127,8 @@ def plan_assembly(
         resting=resting,
         stage=clock.stage,
     )
+    with clock.stage("verify"):
+        verifier = Verifier(assembly, config=config.verify)
     best: _Attempt | None = None
     known: DisassemblyResult | None = None
     given_up = False
@@ -138,7 +140,8 @@ def plan_assembly(
     ):
         # where an order that was searched for fails twice, or for good, the one that was found first is tried
         searched = orderer if config.method == "cascade" and number < 2 and not given_up else None
-        attempt = _attempt(planner, cascade, searched, refused, known, config, (motion_rng, contact_rng), progress)
+        rngs = (motion_rng, contact_rng)
+        attempt = _attempt(planner, verifier, cascade, searched, refused, known, config, rngs, progress)
         known = attempt.first
         refutations |= attempt.refutations
         if best is None or attempt.worth > best.worth:
@@ -155,7 +158,7 @@ def plan_assembly(
         logger.info("going back to level 1 without %s", sorted(map(str, again)))
     assert best is not None, "at least one attempt is made"
     unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
-    return _plan(assembly, bodies, orderer, replace(best, unsolved=unsolved), config, seed, clock)
+    return _plan(assembly, bodies, orderer, verifier, replace(best, unsolved=unsolved), config, seed, clock)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,6 +205,7 @@ def _with_refutation(entry: Unsolved, refutations: Mapping[str, str]) -> Unsolve
 
 def _attempt(
     planner: TreePlanner,
+    verifier: Verifier,
     cascade: Cascade,
     orderer: Orderer | None,
     refused: frozenset[Refusal],
@@ -227,7 +231,7 @@ def _attempt(
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
     draft = _draft(assembly, level.table, level.steps, level.unsolved)
     with planner.stage("verify"):
-        report = verify_plan(draft, assembly, config=config.verify)
+        report = verifier.check(draft)
     progress("verify", 1, 1)
     judge = _Judge(assembly, found, config)
     steps = judge.hold(level.steps, report.steps)
@@ -392,6 +396,7 @@ def _plan(
     assembly: Assembly,
     bodies: Mapping[str, Body],
     orderer: Orderer,
+    verifier: Verifier,
     attempt: _Attempt,
     config: PipelineConfig,
     seed: int,
@@ -403,7 +408,7 @@ def _plan(
     with clock.stage("stability"):
         held = replace(draft, status=status, hands=config.hands)
         held = hold_plan(held, bodies, config=config.stability, touching=orderer.touching)
-        executable = check_holds(held, assembly, config=config.verify)
+        executable = verifier.check_holds(held)
         cost = orderer.cost(held)
     if config.explain_order and config.method == "cascade":
         with clock.stage("order"):

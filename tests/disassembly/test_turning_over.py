@@ -10,13 +10,21 @@ import numpy as np
 import pytest
 from solids import assembly, box, rod
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, Source
+from sashimono.diff.carry_over import carry_over
+from sashimono.diff.parts import PartChange
 from sashimono.disassembly.sequence.search import OrderSearchConfig
 from sashimono.errors import SashimonoError
+from sashimono.exports import step_table
 from sashimono.io.plan_json import plan_from_json, plan_to_json
 from sashimono.pipeline import PipelineConfig, plan_assembly
 from sashimono.plan import AssemblyPlan, Step, Table, step_tables
 from sashimono.verify import verify_plan
+from sashimono.view.config import ViewConfig
+from sashimono.view.manual.content import make_manual
+from sashimono.view.mjcf import keyframes
+from sashimono.view.playback import page_frames
+from sashimono.view.scene import make_scene
 
 UP = np.array([0.0, 0.0, 1.0])
 CORNERS = [*product((-0.12, 0.12), (-0.07, 0.07))]
@@ -158,3 +166,51 @@ def test_a_fixture_ends_where_the_product_is_turned_over() -> None:
     plan = planned()
     assert plan.fixture is None
     assert all(step.hands is not None and step.hands <= 2 for step in plan.steps)
+
+
+def test_pages_show_the_product_turned_on_a_table_that_stays() -> None:
+    plan, parts = planned(), set_table()
+    frames = page_frames(plan, parts)
+    for k, T in enumerate(frames):
+        on = step_tables(plan.steps, plan.table)[k]
+        assert on is not None
+        assert plan.table is not None
+        np.testing.assert_allclose(T[:3, :3] @ on.normal, plan.table.normal, atol=1e-9)
+    scene = make_scene(plan, parts, ViewConfig()).json
+    (turn,) = [step for step in scene["steps"] if step["turns"]]
+    assert turn["label"] == "6a"
+    assert {plan.order.index(parts.names[k]) for k in turn["moving"]} == set(range(5))
+    moments = dict(keyframes(plan, parts))
+    assert [*moments][5:8] == ["5 leg_3", "6 turned over", "6 thing_0"]
+    assert moments["5 leg_3"]["top"][2, 2] * moments["6 turned over"]["top"][2, 2] < 0.0
+    np.testing.assert_allclose(moments["8 thing_2"]["thing_0"], frames[5] @ parts.part("thing_0").T_world_part)
+
+
+def test_instructions_say_so() -> None:
+    plan, parts = planned(), set_table()
+    tasks = make_manual(plan, parts).tasks
+    assert [task.turns_product for task in tasks] == [False] * 5 + [True] + [False] * 2
+    np.testing.assert_allclose(tasks[5].up, UP, atol=1e-9)
+    np.testing.assert_allclose(tasks[4].up, -UP, atol=1e-9)
+    notes = [row[-1] for row in step_table(plan, parts, ())]
+    assert [k for k, note in enumerate(notes) if "turned over" in str(note)] == [6]
+
+
+def test_the_old_plan_is_good_for_longer_legs() -> None:
+    """Carried over to legs that are 10 mm longer, the product stands 10 mm higher once it is turned over."""
+    plan = planned()
+    longer = []
+    for part in set_table().parts:
+        vertices = np.array(part.vertices_part)
+        if part.name.startswith("leg"):
+            vertices[vertices[:, 2] < 0.01, 2] -= 0.01
+        longer.append(replace(part, vertices_part=vertices))
+    parts = Assembly(parts=tuple(longer), source=Source(path="", sha256="", unit="m"))
+    changes = [PartChange(old=n, new=n, reshaped=n.startswith("leg"), displacement=np.eye(4)) for n in parts.names]
+    new = carry_over(plan, parts, changes)
+    k, step = turned_step(new)
+    assert k == 5
+    assert step.table is not None
+    assert step.table.offset == pytest.approx(-0.01)
+    report = verify_plan(new, parts)
+    assert not [problem for each in report.steps for problem in each.problems]

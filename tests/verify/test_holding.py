@@ -14,7 +14,7 @@ from sashimono.bodies import make_bodies
 from sashimono.pipeline import PipelineConfig, plan_assembly
 from sashimono.plan import AssemblyPlan, Table
 from sashimono.stability import StabilityConfig, Statics, Touching, fewest_held
-from sashimono.verify import VerifyConfig, VerifyReport, check_holds, verify_plan
+from sashimono.verify import Verifier, VerifyConfig, VerifyReport, verify_plan
 from sashimono.verify.body import SampledBody
 from sashimono.verify.holding import PlacedParts
 
@@ -117,7 +117,7 @@ def test_a_plan_that_holds_too_little_is_not_executable(bridge: tuple[Assembly, 
 def test_a_base_in_the_air_needs_a_declared_fixture(bridge: tuple[Assembly, AssemblyPlan]) -> None:
     parts, plan = bridge
     table = Table(normal=UP, offset=-0.1)
-    assert not check_holds(replace(plan, table=table), parts)
+    assert not Verifier(parts).check_holds(replace(plan, table=table))
     assert "post, bar" not in problems(verify_plan(plan, parts))
     lowered = verify_plan(replace(plan, table=table), parts)
     assert "post floats or tips, and is not held" in problems(lowered)

@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.placed_parts import PlacedParts
+from sashimono.disassembly.straying import first_astray
 from sashimono.geometry import se3
-from sashimono.geometry.body import Body, mutual_depth
+from sashimono.geometry.body import Body, DeepestProbe
 from sashimono.geometry.distance.advancement import advance_straight
 
 
@@ -28,7 +29,8 @@ def free_travel(
 ) -> float:
     """Return how far a part goes along a direction before it is too deep in another one [m]; infinite if it passes.
 
-    Too deep is more than the pair overlaps as assembled, plus the tolerance.
+    Too deep is more than the pair overlaps as assembled, plus the tolerance; and, where that overlap is deep, more than
+    the tolerance anywhere but near to it (`first_astray`).
 
     Args:
         parts: The placed parts.
@@ -51,8 +53,13 @@ def free_travel(
     travel = _advance_both(a, b, T_b_a, along_b, length=length, limit=limit, least_step=step)
     if travel == 0.0 or parts.overlaps[part, other] <= bare:
         return travel
-    # once the two have parted, the bare tolerance holds
+    # a deep overlap is no excuse far from it
     length = min(length, travel)
+    along = np.concatenate([length * direction, np.zeros(3)])
+    astray = first_astray(parts, part, other, se3.make(None, offset), along)
+    if np.isfinite(astray):
+        length = travel = astray * length
+    # once the two have parted, the bare tolerance holds
     parted = parting_travel(a, b, T_b_a, along_b, length=length, tolerance=bare, least_step=step)
     T_b_a = se3.make(None, parted * along_b) @ T_b_a
     rest = _advance_both(a, b, T_b_a, along_b, length=length - parted, limit=bare, least_step=step)
@@ -71,7 +78,8 @@ def parting_travel(
 ) -> float:
     """Return how far the moving body goes before the two are first less than ``tolerance`` deep in each other [m].
 
-    A depth of d cannot vanish within d - tolerance, so that much is skipped at once.
+    A depth of d cannot vanish within d - tolerance, so that much is skipped at once; and as long as one probe is deep,
+    no other is asked.
 
     Args:
         moving: The body that moves.
@@ -84,11 +92,13 @@ def parting_travel(
     """
     travel = 0.0
     while travel < length:
-        T = se3.make(None, travel * direction_fixed) @ T_fixed_moving
-        depth = mutual_depth(moving, fixed, T)
+        deepest = DeepestProbe(moving, fixed, se3.make(None, travel * direction_fixed) @ T_fixed_moving)
+        depth = deepest.depth
         if depth <= tolerance:
             return travel
-        travel += max(depth - tolerance, least_step)
+        while depth > tolerance and travel < length:
+            travel += max(depth - tolerance, least_step)
+            depth = deepest.depth_at(se3.make(None, travel * direction_fixed) @ T_fixed_moving)
     return length
 
 

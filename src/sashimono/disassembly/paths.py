@@ -11,8 +11,9 @@ from jaxtyping import Float
 from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.straying import first_astray
 from sashimono.geometry import se3
-from sashimono.geometry.body import mutual_depth
+from sashimono.geometry.body import DeepestProbe
 from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between
 
 _STRIDES = (16, 1)
@@ -98,7 +99,8 @@ class Paths:
     def parts_once(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
         """Return whether a checked path holds to the bare tolerance from where an overlapping pair first parts.
 
-        The overlap in the assembled pose excuses a pair only until the two have come apart (`parting`).
+        The overlap in the assembled pose excuses a pair only until the two have come apart; before that, a deep one
+        only near to where it is (`first_astray`).
         """
         parts = self.parts
         for other in self.others:
@@ -115,13 +117,17 @@ class Paths:
         parted = False
         for a, b in pairwise(displacements):
             twist = between(a, b)
-            rate = self.rate(a, twist)
+            if not parted and np.isfinite(first_astray(parts, self.part, other, a, twist)):
+                return False
+            rate, T_start = self.rate(a, twist), a @ self.T_assembled
             start = 0.0
             while not parted and start < 1.0:
-                T_b_a = T_b_world @ se3.exp(start * twist) @ a @ self.T_assembled
-                depth = mutual_depth(self.body, parts.bodies[other], T_b_a)
+                deepest = DeepestProbe(self.body, parts.bodies[other], T_b_world @ se3.exp(start * twist) @ T_start)
+                depth = deepest.depth
                 parted = depth <= bare
-                start += 0.0 if parted else max(depth - bare, least) / max(rate, least)
+                while depth > bare and start < 1.0:
+                    start += max(depth - bare, least) / max(rate, least)
+                    depth = deepest.depth_at(T_b_world @ se3.exp(start * twist) @ T_start)
             if parted and start < 1.0:
                 D, rest = se3.exp(start * twist) @ a, (1.0 - start) * twist
                 if np.isfinite(self._past(D, rest, other, 1, parts.tolerances.least_step, limit=bare)):

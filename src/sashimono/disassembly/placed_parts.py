@@ -14,6 +14,7 @@ from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.tolerances import Tolerances
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body, mutual_depth
+from sashimono.geometry.distance.signed_distance import SignedDistance
 from sashimono.geometry.features.directions import (
     DirectionConfig,
     frame_along,
@@ -32,10 +33,20 @@ class PlacedPartsConfig:
     directions: DirectionConfig = field(default_factory=DirectionConfig)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OverlapPlace:
+    """A connected piece of the body that two parts share as assembled."""
+
+    field: SignedDistance
+    """Distance to its surface, in the world frame."""
+    reach: float
+    """How far from it the overlap is an excuse [m]."""
+
+
 class PlacedParts:
     """The parts of one assembly, in place: surfaces, boxes, overlaps as assembled, sizes, and lines to try.
 
-    Nothing in it changes. A set of parts is a bit mask: bit i is ``assembly.parts[i]``.
+    Nothing that it answers changes. A set of parts is a bit mask: bit i is ``assembly.parts[i]``.
     """
 
     def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: PlacedPartsConfig) -> None:
@@ -67,6 +78,7 @@ class PlacedParts:
         """The lines that all parts give, heaviest first; without the world's axes."""
         self.lines = merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions)
         """The world's axes, then the lines that all parts give."""
+        self._places: dict[tuple[int, int], tuple[OverlapPlace, ...]] = {}
 
     def __len__(self) -> int:
         return len(self.bodies)
@@ -88,6 +100,37 @@ class PlacedParts:
     def limit(self, a: int, b: int, tolerance: float) -> float:
         """Return how deep a pair may overlap on its way [m], for a tolerance over its scale."""
         return float(self.overlaps[a, b] + tolerance * self.scale(a, b))
+
+    def overlap_places(self, a: int, b: int) -> tuple[OverlapPlace, ...]:
+        """Return the pieces of a pair's overlap as assembled, if it is an excuse only near to these; else nothing.
+
+        An overlap that is shallow beside both parts and their walls is an excuse anywhere, and so is one of which no
+        boolean can be taken.
+        """
+        key = (min(a, b), max(a, b))
+        if key not in self._places:
+            self._places[key] = self._overlap_places(*key)
+        return self._places[key]
+
+    def _overlap_places(self, a: int, b: int) -> tuple[OverlapPlace, ...]:
+        limits, depth = self.tolerances, float(self.overlaps[a, b])
+        near = limits.shallow * self.smaller_size(a, b)
+        solids = [self.bodies[k].solid for k in (a, b)]
+        if depth <= min(near, limits.shallow_wall * min(self._walls[a], self._walls[b])) or None in solids:
+            return ()
+        placed = [
+            solid.transform(np.ascontiguousarray(self.poses[k][:3]))
+            for solid, k in zip(solids, (a, b), strict=True)
+            if solid is not None
+        ]
+        out = []
+        for piece in (placed[0] ^ placed[1]).decompose():
+            mesh = piece.to_mesh64()
+            vertices = np.array(mesh.vert_properties)[:, :3]
+            reach = max(limits.excuse_reach * float(np.linalg.norm(np.ptp(vertices, axis=0))), near, 1.8 * depth)
+            field = SignedDistance(vertices, np.array(mesh.tri_verts).astype(np.int64))
+            out.append(OverlapPlace(field=field, reach=reach))
+        return tuple(out)
 
     def parts_ahead(
         self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], among: Sequence[int]

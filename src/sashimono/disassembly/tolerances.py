@@ -31,6 +31,13 @@ class Tolerances:
     """What the turn of a declared thread may reach."""
     thin_walls: float = 20.0
     """A pair's scale is at most so many thicknesses of either part's thin walls: shells never slip through."""
+    shallow: float = 0.09
+    """Overlap as assembled, over the smaller part's smallest extent, up to which it is an excuse anywhere on the way,
+    as of a press fit; a deeper one is an excuse only near to where it is."""
+    shallow_wall: float = 0.36
+    """The same, over the thickness of either part's thin walls: both hold."""
+    excuse_reach: float = 0.9
+    """How far from a piece of a deep overlap it is an excuse, over how large the piece is."""
     least_step: float = 1.0 / 64.0
     """Shortest step of tracing along a wall that the part slides on, over the smaller part's smallest extent."""
 

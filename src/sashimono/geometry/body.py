@@ -154,6 +154,24 @@ def mutual_depth(first: Body, second: Body, T_second_first: Float[np.ndarray, "4
     return max(second.depth(first, T_second_first), first.depth(second, se3.inverse(T_second_first)))
 
 
+class DeepestProbe:
+    """The deepest probe of two bodies in each other at a pose, followed to other poses."""
+
+    def __init__(self, first: Body, second: Body, T_second_first: Float[np.ndarray, "4 4"]) -> None:
+        depth, k = second.signed_distance.deepest(first.probes, T_second_first)
+        other, m = first.signed_distance.deepest(second.probes, se3.inverse(T_second_first))
+        self.depth = max(depth, other)
+        """How deep it is [m]; 0 if none is inside."""
+        self._is_of_first = depth >= other
+        self._probe = (first.probes[k] if self._is_of_first else second.probes[m])[None]
+        self._target = (second if self._is_of_first else first).signed_distance
+
+    def depth_at(self, T_second_first: Float[np.ndarray, "4 4"]) -> float:
+        """Return how deep the same probe is at another pose [m], negative outside."""
+        T = T_second_first if self._is_of_first else se3.inverse(T_second_first)
+        return -float(self._target.query(se3.apply(T, self._probe))[0])
+
+
 def displacement_rate(body: Body, twist: Float[np.ndarray, "6"]) -> float:
     """Return an upper bound of any point's path length along the body-fixed twist for unit time [m]."""
     v, w = twist[:3], twist[3:]

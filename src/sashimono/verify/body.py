@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import igl
 import manifold3d
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
+from sashimono.verify.surface import Surface
+
 _FANOUT = 8
 _WALL_RAYS = 600
 _EQUAL_SPREADS = 1e-3  # relative difference under which a solid's spreads along two axes do not tell these apart
-_ON_FEATURE = 1e-9  # distance, over the size, below which a closest point counts as lying on an edge or corner
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,9 +52,8 @@ class SampledBody:
         self.volume, self.center_of_mass, covariance = _moments(self.vertices[self.faces])
         self.smallest_extent = _smallest_extent(self.vertices - self.center_of_mass, covariance)
         self._samples = samples
-        self._aabb = igl.AABB()
-        self._aabb.init(self.vertices, self.faces)
         self._normals = _pseudonormals(self.vertices, self.faces)
+        self._surface = Surface(self.vertices, self.faces, self._normals)
 
     @cached_property
     def tree(self) -> BallTree:
@@ -76,8 +75,8 @@ class SampledBody:
         origin = corner[:, 0] + a[:, None] * (corner[:, 1] - corner[:, 0]) + b[:, None] * (corner[:, 2] - corner[:, 0])
         inward = -self._normals[face, 0]
         start = 1e-6 * self.size
-        hit, along, _ = self._aabb.intersect_ray_first(self.vertices, self.faces, origin + start * inward, inward)
-        thickness = np.asarray(along).reshape(-1)[np.asarray(hit).reshape(-1) >= 0]
+        along = self._surface.first_hit(origin + start * inward, inward)
+        thickness = along[np.isfinite(along)]
         return float(np.quantile(thickness, 0.05)) if len(thickness) else self.smallest_extent
 
     @cached_property
@@ -91,53 +90,36 @@ class SampledBody:
         """Return an upper bound of the distance of any point of the body from a point in its frame [m]."""
         return float(np.linalg.norm(np.maximum(np.abs(self.low - point), np.abs(self.high - point))))
 
+    def box_in(self, T: Float[np.ndarray, "4 4"]) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Return least and greatest corner of a box around the body's own box, moved to a pose [m]."""
+        middle, half = T[:3, :3] @ (0.5 * (self.low + self.high)) + T[:3, 3], 0.5 * (self.high - self.low)
+        reach = np.abs(T[:3, :3]) @ half
+        return middle - reach, middle + reach
+
     def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the body's box [m], 0 inside: never more than to the body."""
         outside = np.maximum(np.maximum(self.low - points, points - self.high), 0.0)
         return np.sqrt(np.einsum("ij,ij->i", outside, outside))
 
-    def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Return the signed distance of each point to the surface [m], negative inside."""
-        squared, face, closest = self._nearest(points)
-        distance = np.sqrt(squared)
-        inside = self._inside(points, closest, face)
-        return np.where(inside, -distance, distance)
+    def distance(
+        self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None
+    ) -> Float[np.ndarray, "n"]:
+        """Return the signed distance of each point to the surface [m], negative inside.
+
+        Where it is no less than ``beyond`` [m], what is returned is only known to be no less than that.
+        """
+        return self._surface.distance(points, beyond)
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-        """Return which points are inside by the generalized winding number (Jacobson et al. 2013).
+        """Return which points are inside by the winding number (Jacobson et al. 2013).
 
-        Slower than the sign of `distance`, and right also where the surface folds back on, or touches, itself.
+        Right also where the surface folds back on, or touches, itself, where the sign of `distance` may not be.
         """
-        return np.reshape(igl.winding_number(self.vertices, self.faces, np.ascontiguousarray(points)), -1) > 0.5
+        return self._surface.contains(points)
 
     def nearest_normal(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Return the outward normal of the face nearest to each point."""
-        return self._normals[self._nearest(points)[1], 0]
-
-    def _nearest(
-        self, points: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n"], Int[np.ndarray, "n"], Float[np.ndarray, "n 3"]]:
-        """Return squared distance, face and place of the nearest point of the surface."""
-        squared, face, closest = self._aabb.squared_distance(self.vertices, self.faces, np.ascontiguousarray(points))
-        # libigl answers a single point with scalars
-        return np.reshape(squared, -1), np.reshape(face, -1).astype(np.int64), np.reshape(closest, (-1, 3))
-
-    def _inside(
-        self, points: Float[np.ndarray, "n 3"], closest: Float[np.ndarray, "n 3"], face: Int[np.ndarray, "n"]
-    ) -> Bool[np.ndarray, "n"]:
-        corners = self.vertices[self.faces[face]]
-        # by lengths, not barycentric coordinates: on a needle these are all rounding
-        from_corner = np.linalg.norm(closest[:, None] - corners, axis=2)
-        edges = np.roll(corners, -1, axis=1) - corners
-        lengths = np.linalg.norm(edges, axis=2)
-        across = np.linalg.norm(np.cross(edges, closest[:, None] - corners), axis=2)
-        from_edge = np.divide(across, lengths, out=from_corner.copy(), where=lengths > 0.0)
-        near = _ON_FEATURE * self.size
-        corner, edge = from_corner.argmin(axis=1), from_edge.argmin(axis=1)
-        # 0: inside the face; 1 to 3: at a corner; 4 to 6: on an edge, from the first corner on
-        feature = np.where(from_edge.min(axis=1) < near, 4 + edge, 0)
-        feature = np.where(from_corner.min(axis=1) < near, 1 + corner, feature)
-        return _dot(points - closest, self._normals[face, feature]) < 0.0
+        return self._normals[self._surface.nearest_face(points), 0]
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

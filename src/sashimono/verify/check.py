@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
 
 from sashimono.assembly import Assembly
 from sashimono.geometry import se3
@@ -26,6 +29,49 @@ from sashimono.verify.sweep import HalfSpace, Screws
 from sashimono.verify.turning import stretch_after, tables_of, turn_problems
 
 
+class Verifier:
+    """Checks plans of one assembly, from the input geometry, with none of the code that made them.
+
+    What a motion does to another part is kept, so that the next plan that has the same motion past the same part costs
+    less; what is said is the same.
+    """
+
+    def __init__(self, assembly: Assembly, *, config: VerifyConfig | None = None) -> None:
+        self._site = _site(assembly, config or VerifyConfig())
+
+    def check(self, plan: AssemblyPlan) -> VerifyReport:
+        """Return what was found, as `verify_plan` does."""
+        site = self._site.of(plan)
+        problems, notes = plan_problems(plan, site.assembly, site.config)
+        flat = [name for name, body in site.bodies.items() if body.volume <= 0.0]
+        problems += [f"{name!r} is not a closed, outward surface: it cannot be checked" for name in flat]
+        complete = plan.status == "complete"
+        if problems:
+            notes = [*notes, "motions were not checked"]
+            steps = _forms_only(plan.steps, site)
+        else:
+            steps = _check_level(plan.steps, plan.table, site)
+            steps = _with_holds(plan, steps, plan.table, plan.fixture, _placed_parts(plan, site), site)
+        report = VerifyReport(problems=tuple(problems), steps=steps, notes=tuple(notes), complete=complete)
+        executable = _executable(plan, report)
+        if plan.executable and not executable:
+            report = replace(report, notes=(*report.notes, "the plan is called executable, which does not hold"))
+        return replace(report, executable=executable)
+
+    def check_holds(self, plan: AssemblyPlan) -> bool:
+        """Return whether what the plan says of hands and held parts holds, and they suffice; motions are not looked at.
+
+        For a plan whose motions and contacts hold. Whoever makes a plan asks this before calling it executable.
+        """
+        site = self._site.of(plan)
+        bare = _forms_only(plan.steps, site)
+        if any(step.problems for step in bare):
+            return False
+        steps = _with_holds(plan, bare, plan.table, plan.fixture, _placed_parts(plan, site), site)
+        report = VerifyReport(problems=(), steps=steps, complete=plan.status == "complete")
+        return bool(_executable(plan, report))
+
+
 def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig | None = None) -> VerifyReport:
     """Check a plan from the input geometry, with none of the code that made it.
 
@@ -35,37 +81,7 @@ def verify_plan(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig 
     one along the common motion, and what put them together is checked likewise, as a little plan of its own.
     Raises nothing: a bad plan is a finding.
     """
-    config = config or VerifyConfig()
-    problems, notes = plan_problems(plan, assembly, config)
-    site = _site(plan, assembly, config)
-    flat = [name for name, body in site.bodies.items() if body.volume <= 0.0]
-    problems += [f"{name!r} is not a closed, outward surface: it cannot be checked" for name in flat]
-    complete = plan.status == "complete"
-    if problems:
-        notes = [*notes, "motions were not checked"]
-        steps = _forms_only(plan.steps, site)
-    else:
-        steps = _check_level(plan.steps, plan.table, site)
-        steps = _with_holds(plan, steps, plan.table, plan.fixture, _placed_parts(plan, site), site)
-    report = VerifyReport(problems=tuple(problems), steps=steps, notes=tuple(notes), complete=complete)
-    executable = _executable(plan, report)
-    if plan.executable and not executable:
-        report = replace(report, notes=(*report.notes, "the plan is called executable, which does not hold"))
-    return replace(report, executable=executable)
-
-
-def check_holds(plan: AssemblyPlan, assembly: Assembly, *, config: VerifyConfig | None = None) -> bool:
-    """Return whether what the plan says of hands and held parts holds, and they suffice; motions are not looked at.
-
-    For a plan whose motions and contacts hold. Whoever makes a plan asks this before calling it executable.
-    """
-    site = _site(plan, assembly, config or VerifyConfig())
-    bare = _forms_only(plan.steps, site)
-    if any(step.problems for step in bare):
-        return False
-    steps = _with_holds(plan, bare, plan.table, plan.fixture, _placed_parts(plan, site), site)
-    report = VerifyReport(problems=(), steps=steps, complete=plan.status == "complete")
-    return bool(_executable(plan, report))
+    return Verifier(assembly, config=config).check(plan)
 
 
 def _placed_parts(plan: AssemblyPlan, site: _Site) -> PlacedParts:
@@ -126,8 +142,14 @@ class _Site:
     assembly: Assembly
     bodies: dict[str, SampledBody]
     overlaps: AssembledOverlaps
-    unsolved: frozenset[str]
     config: VerifyConfig
+    unsolved: frozenset[str] = frozenset()
+    findings: dict[tuple[object, ...], PairFinding] = field(default_factory=dict)
+    """What was found of a part's path past another part, by all that it depends on."""
+
+    def of(self, plan: AssemblyPlan) -> _Site:
+        """Return the site of a plan: with the parts that it leaves out."""
+        return replace(self, unsolved=frozenset(item.part for item in plan.unsolved))
 
     def forms(self, steps: Sequence[Step]) -> list[list[str]]:
         """What is wrong with the form of each of these steps, which follow one another."""
@@ -146,7 +168,7 @@ class _Site:
         return Compound(step.part, parts, samples=self.config.samples)
 
 
-def _site(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> _Site:
+def _site(assembly: Assembly, config: VerifyConfig) -> _Site:
     bodies = {
         part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=config.samples)
         for part in assembly.parts
@@ -156,7 +178,6 @@ def _site(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> _Site
         assembly=assembly,
         bodies=bodies,
         overlaps=AssembledOverlaps(bodies, poses, config),
-        unsolved=frozenset(item.part for item in plan.unsolved),
         config=config,
     )
 
@@ -243,35 +264,38 @@ def _pair_findings(
     step: Step, moving: str, later: Sequence[Step], table: Table | None, site: _Site
 ) -> list[PairFinding]:
     """Move one part past everything that is there: placed parts, parts still resting, the table."""
-    body, config = site.bodies[moving], site.config
-    path = Screws.between(member_poses(step, moving, site.assembly))
-    findings = []
-    for name in step.fixed:
-        findings.append(
-            check_pair(
-                body,
-                site.bodies[name],
-                path,
-                site.overlaps.poses[name],
-                overlaps=site.overlaps,
-                tolerance=pair_tolerance(body, site.bodies[name], config),
-                config=config,
-            )
-        )
+    body, poses = site.bodies[moving], member_poses(step, moving, site.assembly)
+    past = _Past(site, body, poses)
+    findings = [past.part(name, site.overlaps.poses[name], site.overlaps) for name in step.fixed]
     for waiting in later:
         for name in members(waiting):
-            other = site.bodies[name]
-            found = check_pair(
-                body,
-                other,
-                path,
-                member_poses(waiting, name, site.assembly)[0],
-                overlaps=None,
-                tolerance=pair_tolerance(body, other, config),
-                config=config,
-            )
-            findings.append(found)
+            findings.append(past.part(name, member_poses(waiting, name, site.assembly)[0], None))
     if table is not None:
-        plane = HalfSpace(normal=table.normal, offset=table.offset)
-        findings.append(check_table(body, plane, path, config=config))
+        findings.append(
+            check_table(body, HalfSpace(normal=table.normal, offset=table.offset), past.path, config=site.config)
+        )
     return findings
+
+
+class _Past:
+    """One part on its path past others."""
+
+    def __init__(self, site: _Site, body: SampledBody, poses: Float[np.ndarray, "pose 4 4"]) -> None:
+        self.path = Screws.between(poses)
+        self._site, self._body = site, body
+        self._key = (body.name, np.ascontiguousarray(poses).tobytes())
+        # a ball around the part's box, on its way
+        self._low, self._high = self.path.swept_boxes(0.5 * (body.low + body.high), 0.5 * body.size)
+
+    def part(self, name: str, pose: Float[np.ndarray, "4 4"], overlaps: AssembledOverlaps | None) -> PairFinding:
+        """Return what the part does to another one in this pose."""
+        site, body, other = self._site, self._body, self._site.bodies[name]
+        tolerance = pair_tolerance(body, other, site.config)
+        low, high = other.box_in(pose)
+        if ((self._low > high) | (self._high < low)).any(axis=1).all():
+            return PairFinding(against=name, depth=0.0, allowed=tolerance, pose=0.0, problem=None, queries=0)
+        key = (*self._key, name, np.ascontiguousarray(pose).tobytes(), overlaps is None)
+        if key not in site.findings:
+            options = {"overlaps": overlaps, "tolerance": tolerance, "config": site.config}
+            site.findings[key] = check_pair(body, other, self.path, pose, **options)
+        return site.findings[key]

@@ -30,9 +30,11 @@ class Compound(SampledBody):
         )
         self._members = [(body, se3.inverse(T)) for body, T in members]
 
-    def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    def distance(
+        self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None
+    ) -> Float[np.ndarray, "n"]:
         """Return the signed distance of each point to the nearest member [m], negative inside any of them."""
-        return self._distances(points).min(axis=0)
+        return self._distances(points, beyond).min(axis=0)
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Return which points are inside any member."""
@@ -44,5 +46,7 @@ class Compound(SampledBody):
         nearest = np.abs(self._distances(points)).argmin(axis=0)
         return np.stack(normals)[nearest, np.arange(len(points))]
 
-    def _distances(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "member n"]:
-        return np.stack([body.distance(se3.apply(T, points)) for body, T in self._members])
+    def _distances(
+        self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None
+    ) -> Float[np.ndarray, "member n"]:
+        return np.stack([body.distance(se3.apply(T, points), beyond) for body, T in self._members])

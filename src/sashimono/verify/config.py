@@ -24,7 +24,7 @@ class VerifyConfig:
     """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
     relative_resolution: float = 0.125
     """Travel between two looks at a vertex, over the pair tolerance, below which contact is not refined further."""
-    max_queries: int = 20_000_000
+    max_queries: int = 6_000_000
     """Distance queries allowed for one pair in one step; a pair that needs more is refused, never passed."""
     boolean_poses: int = 3
     """Poses of each touching pair and step at which the exact intersection body is measured as well."""

@@ -89,6 +89,7 @@ class _Distance:
 
     def __init__(self, around: Around, table: HalfSpace | None, limit: float) -> None:
         self._around = [(name, body, se3.inverse(T)) for name, (body, T) in around.items()]
+        self._boxes = np.array([body.box_in(T) for body, T in around.values()]).reshape(-1, 2, 3)
         self._table, self._limit = table, limit
 
     def first_hit(self, center_at: Any, way: float, config: VerifyConfig) -> str | None:
@@ -110,13 +111,13 @@ class _Distance:
         nearest, room = "", math.inf
         if self._table is not None:
             nearest, room = "the table", float(center @ self._table.normal) - self._table.offset - self._limit
-        for name, body, T in self._around:
-            seen = se3.apply(T, center[None])
-            bound = float(body.box_distance(seen)[0]) - self._limit
+        gaps = np.maximum(np.maximum(self._boxes[:, 0] - center, center - self._boxes[:, 1]), 0.0)
+        bounds = np.sqrt(np.einsum("ij,ij->i", gaps, gaps)) - self._limit
+        for (name, body, T), bound in zip(self._around, bounds.tolist(), strict=True):
             if bound >= min(room, 2.0 * self._limit):
                 nearest, room = (nearest, room) if room <= bound else (name, bound)
                 continue
-            here = float(body.distance(seen)[0]) - self._limit
+            here = float(body.distance(se3.apply(T, center[None]))[0]) - self._limit
             if here < room:
                 nearest, room = name, here
         return nearest, room

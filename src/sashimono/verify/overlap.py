@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import igl
 import manifold3d
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,6 +16,7 @@ from jaxtyping import Float, Int
 from sashimono.geometry import se3
 from sashimono.verify.body import BallTree, SampledBody
 from sashimono.verify.config import VerifyConfig
+from sashimono.verify.surface import Surface
 from sashimono.verify.sweep import Ease
 
 _ACCURACY = 0.004
@@ -171,17 +171,14 @@ class OverlapPlace:
 
     def __init__(self, piece: manifold3d.Manifold, least: float) -> None:
         mesh = piece.to_mesh64()
-        self._vertices = np.ascontiguousarray(np.asarray(mesh.vert_properties)[:, :3])
-        self._faces = np.ascontiguousarray(np.asarray(mesh.tri_verts).astype(np.int64))
-        self._aabb = igl.AABB()
-        self._aabb.init(self._vertices, self._faces)
-        self.reach = max(least, float(np.linalg.norm(np.ptp(self._vertices, axis=0))))
+        vertices = np.ascontiguousarray(np.asarray(mesh.vert_properties)[:, :3])
+        self._surface = Surface(vertices, np.asarray(mesh.tri_verts).astype(np.int64))
+        self.reach = max(least, float(np.linalg.norm(np.ptp(vertices, axis=0))))
         """How far from it this piece excuses anything [m]: as far as it is large."""
 
     def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the piece's surface [m], also from inside."""
-        squared = self._aabb.squared_distance(self._vertices, self._faces, np.ascontiguousarray(points))[0]
-        return np.sqrt(np.reshape(squared, -1))
+        return self._surface.gap(points)
 
 
 @dataclass(frozen=True, eq=False)

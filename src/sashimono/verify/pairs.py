@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.geometry import se3
 from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import AssembledOverlaps, Excuse, intersection, sampled_depth
@@ -189,7 +188,7 @@ class _Pair:
         depth, at = found.depth, found.at
         for time in times:
             T = self._pose(float(time))
-            low, high = _low_high(self._moving, T)
+            low, high = self._moving.box_in(T)
             if (low > self._fixed.high).any() or (high < self._fixed.low).any():
                 continue
             common = intersection(self._moving, self._fixed, T)
@@ -209,9 +208,3 @@ class _Pair:
     def _pose(self, time: float) -> Float[np.ndarray, "4 4"]:
         stretch = min(int(time), len(self._seen.angle) - 1)
         return self._seen.pose(stretch, time - stretch)
-
-
-def _low_high(body: SampledBody, T: Float[np.ndarray, "4 4"]) -> tuple[np.ndarray, np.ndarray]:
-    corners = np.array(np.meshgrid(*np.stack([body.low, body.high], axis=1))).reshape(3, -1).T
-    moved = se3.apply(T, corners)
-    return moved.min(axis=0), moved.max(axis=0)

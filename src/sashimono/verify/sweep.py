@@ -9,12 +9,14 @@ So nothing is jumped between poses, however thin; between samples, the spacing i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from numba import njit
 
 from sashimono.geometry import se3
 from sashimono.verify.body import BallTree
@@ -34,7 +36,9 @@ class Target(Protocol):
 
     def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]: ...
 
-    def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]: ...
+    def distance(
+        self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None
+    ) -> Float[np.ndarray, "n"]: ...
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]: ...
 
@@ -46,7 +50,9 @@ class HalfSpace:
     normal: Float[np.ndarray, "3"]
     offset: float
 
-    def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+    def distance(
+        self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None
+    ) -> Float[np.ndarray, "n"]:
         """Return the height of each point over the plane [m]."""
         return points @ self.normal - self.offset
 
@@ -94,7 +100,7 @@ class Screws:
 
     def seen_from(self, T_world_fixed: Float[np.ndarray, "4 4"]) -> Screws:
         """Return the path of the moving body's points in the frame of a fixed body."""
-        return Screws(**{**vars(self), "after": se3.inverse(T_world_fixed) @ self.after})
+        return replace(self, after=se3.inverse(T_world_fixed) @ self.after)
 
     def reversed_for(self, T_world_fixed: Float[np.ndarray, "4 4"]) -> Screws:
         """Return the path of a fixed body's points in the moving body's frame."""
@@ -107,7 +113,7 @@ class Screws:
     def until(self, time: float) -> Screws:
         """Return the path from its start to this time, in stretches."""
         whole = min(int(time), len(self.angle) - 1)
-        rows = {name: np.array(values[: whole + 1]) for name, values in vars(self).items()}
+        rows = {field.name: np.array(getattr(self, field.name)[: whole + 1]) for field in fields(self)}
         rows["angle"][whole] *= time - whole
         rows["shift"][whole] *= time - whole
         return Screws(**rows)
@@ -123,6 +129,23 @@ class Screws:
         moved, _ = self.locate(corners, np.zeros(4), np.full(4, stretch), np.full(4, u))
         return se3.make((moved[1:] - moved[0]).T, moved[0])
 
+    def swept_boxes(
+        self, center: Float[np.ndarray, "3"], radius: float
+    ) -> tuple[Float[np.ndarray, "stretch 3"], Float[np.ndarray, "stretch 3"]]:
+        """Return least and greatest corner of a box that a ball of the moving body does not leave, by stretch [m].
+
+        An arc of angle a about an axis at distance r leaves its chord by no more than r (1 - cos(a / 2)).
+        """
+        count = len(self.angle)
+        points, every = np.tile(center, (count, 1)), np.arange(count)
+        starts, _ = self.locate(points, np.zeros(count), every, np.zeros(count))
+        ends, _ = self.locate(points, np.zeros(count), every, np.ones(count))
+        about = np.einsum("nij,nj->ni", self.before[:, :3, :3], points) + self.before[:, :3, 3] - self.point
+        lever = np.linalg.norm(np.cross(self.axis, about), axis=1)
+        bulge = lever * (1.0 - np.cos(0.5 * np.minimum(np.abs(self.angle), 2.0 * np.pi)))
+        room = (radius + bulge)[:, None]
+        return np.minimum(starts, ends) - room, np.maximum(starts, ends) + room
+
     def locate(
         self,
         points: Float[np.ndarray, "n 3"],
@@ -131,25 +154,50 @@ class Screws:
         u: Float[np.ndarray, "n"],
     ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
         """Return where each point is, and how fast the ball around it moves at most [m per unit of u]."""
-        p = np.einsum("nij,nj->ni", self.before[stretch, :3, :3], points) + self.before[stretch, :3, 3]
-        angle, shift = self.angle[stretch], self.shift[stretch]
-        speed2 = np.einsum("ij,ij->i", shift, shift)
-        p = p + u[:, None] * shift if not self.angle.any() else self._turn(p, stretch, u, angle, shift)
-        if self.angle.any():
-            lever = np.linalg.norm(np.cross(self.axis[stretch], p - u[:, None] * shift - self.point[stretch]), axis=1)
-            speed2 = speed2 + (angle * (lever + radii)) ** 2
-        moved = np.einsum("nij,nj->ni", self.after[stretch, :3, :3], p) + self.after[stretch, :3, 3]
-        return moved, np.sqrt(speed2)
+        return _locate(points, radii, np.arange(len(points)), stretch, u, *self._arrays)
 
-    def _turn(
-        self, p: np.ndarray, stretch: np.ndarray, u: np.ndarray, angle: np.ndarray, shift: np.ndarray
-    ) -> Float[np.ndarray, "n 3"]:
-        # Rodrigues as a displacement, so that a far axis (a slight turn over a long way) loses no digits
-        axis = self.axis[stretch]
-        once = np.cross(axis, p - self.point[stretch])
-        twice = np.cross(axis, once)
-        half = 0.5 * u * angle
-        return p + np.sin(2.0 * half)[:, None] * once + (2.0 * np.sin(half) ** 2)[:, None] * twice + u[:, None] * shift
+    def locate_balls(self, tree: BallTree, items: _Items) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+        """Return the same for balls of a tree."""
+        return _locate(tree.centers, tree.radii, items.node, items.stretch, items.u, *self._arrays)
+
+    @cached_property
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        every = (self.before, self.after, self.axis, self.point, self.angle, self.shift)
+        return tuple(np.ascontiguousarray(values) for values in every)
+
+
+@njit(cache=True, nogil=True)
+def _locate(points, radii, index, stretch, u, before, after, axis, point, angle, shift):  # pragma: no cover - compiled
+    """What `Screws.locate` returns of the points at an index.
+
+    Rodrigues as a displacement, so that a far axis (a slight turn over a long way) loses no digits.
+    """
+    moved, speed = np.empty((len(index), 3)), np.empty(len(index))
+    for k in range(len(index)):
+        i, j = index[k], stretch[k]
+        T, a, c, d = before[j], axis[j], point[j], shift[j]
+        x = T[0, 0] * points[i, 0] + T[0, 1] * points[i, 1] + T[0, 2] * points[i, 2] + T[0, 3]
+        y = T[1, 0] * points[i, 0] + T[1, 1] * points[i, 1] + T[1, 2] * points[i, 2] + T[1, 3]
+        z = T[2, 0] * points[i, 0] + T[2, 1] * points[i, 1] + T[2, 2] * points[i, 2] + T[2, 3]
+        squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+        if angle[j] != 0.0:
+            rx, ry, rz = x - c[0], y - c[1], z - c[2]
+            ox, oy, oz = a[1] * rz - a[2] * ry, a[2] * rx - a[0] * rz, a[0] * ry - a[1] * rx
+            half = 0.5 * u[k] * angle[j]
+            sine, versine = np.sin(2.0 * half), 2.0 * np.sin(half) ** 2
+            x += sine * ox + versine * (a[1] * oz - a[2] * oy)
+            y += sine * oy + versine * (a[2] * ox - a[0] * oz)
+            z += sine * oz + versine * (a[0] * oy - a[1] * ox)
+            squared += (angle[j] * (np.sqrt(ox * ox + oy * oy + oz * oz) + radii[i])) ** 2
+        x += u[k] * d[0]
+        y += u[k] * d[1]
+        z += u[k] * d[2]
+        T = after[j]
+        moved[k, 0] = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3]
+        moved[k, 1] = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3]
+        moved[k, 2] = T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3]
+        speed[k] = np.sqrt(squared)
+    return moved, speed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -250,11 +298,11 @@ def _look(
 ) -> tuple[_Items, Float[np.ndarray, "n"], Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
     """Return the items that one look leaves open: the distance that counts, travel to either end, the distance."""
     radii = tree.radii[items.node]
-    points, speed = path.locate(tree.centers[items.node], radii, items.stretch, items.u)
+    points, speed = path.locate_balls(tree, items)
     travel = speed * items.half
     need = radii + travel - limit
     close = np.flatnonzero(target.box_distance(points) < need)
-    s = target.distance(points[close]) if len(close) else np.empty(0)
+    s = target.distance(points[close], need[close]) if len(close) else np.empty(0)
     deep = np.flatnonzero(s < -limit)
     if len(deep):  # where the surface meets itself, the nearest face can tell the wrong side: ask the whole of it
         s[deep] = np.where(target.contains(points[close[deep]]), s[deep], -s[deep])

@@ -61,6 +61,9 @@ class Blocking:
         self._rotated: dict[tuple[int, int], np.ndarray] = {}
         self._slabs: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._passes: dict[tuple[int, int, int], bool] = {}
+        """By line and pair: whether the first passes the second."""
+        self._passes_one: dict[tuple[int, int, int], bool] = {}
+        """By part, direction and other, where it matters which of the two moves."""
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
         self._stopped: dict[tuple[int, int], int] = {}
         """By part and direction: the parts that some look has found to stop it so far. It makes a no come faster."""
@@ -136,6 +139,8 @@ class Blocking:
 
     def passes(self, part: int, direction_index: int, other: int) -> bool:
         """Return whether sphere tracing lets this part pass ``other``."""
+        if self.parts.overlap_places(part, other):
+            return self._passes_near_overlap(part, direction_index, other)
         line = direction_index // 2
         a, b = (part, other) if direction_index % 2 == 0 else (other, part)
         key = (line, a, b)
@@ -146,6 +151,16 @@ class Blocking:
             if not self._passes[key]:
                 self._note_stop(line, a, b)
         return self._passes[key]
+
+    def _passes_near_overlap(self, part: int, direction_index: int, other: int) -> bool:
+        """The same where a deep overlap is an excuse only near to where it is: that stays with the one that stays."""
+        key = (part, direction_index, other)
+        if key not in self._passes_one:
+            direction = self.direction(direction_index)
+            self._passes_one[key] = bool(np.isinf(free_travel(self.parts, part, np.zeros(3), direction, other)))
+            if not self._passes_one[key]:
+                self._stopped[part, direction_index] = self._stopped.get((part, direction_index), 0) | 1 << other
+        return self._passes_one[key]
 
     def _classify(self) -> list[np.ndarray]:
         """Return, by line, what the coarse maps say of each pair."""

@@ -72,7 +72,12 @@ class SignedDistance:
 
     def depth(self, points: Float[np.ndarray, "n 3"], T: Float[np.ndarray, "4 4"]) -> float:
         """Return how deep the deepest of the points, moved by T, lies inside [m]; 0 if none does."""
-        return _depth(points, T, self._boxes, self._links, self._triangles, self._normals)
+        return float(_depth(points, T, self._boxes, self._links, self._triangles, self._normals)[0])
+
+    def deepest(self, points: Float[np.ndarray, "n 3"], T: Float[np.ndarray, "4 4"]) -> tuple[float, int]:
+        """Return the same, and which point it is; -1 if none lies inside."""
+        depth, index = _depth(points, T, self._boxes, self._links, self._triangles, self._normals)
+        return float(depth), int(index)
 
     def contains(self, point: Float[np.ndarray, "3"]) -> bool:
         """Return whether the point lies strictly inside."""
@@ -310,7 +315,7 @@ def _normals(points, bound, boxes, links, triangles, normals, out):  # pragma: n
 
 @njit(cache=True, nogil=True)
 def _depth(points, T, boxes, links, triangles, normals):  # pragma: no cover - compiled
-    deepest = 0.0
+    deepest, index = 0.0, -1
     for k in range(points.shape[0]):
         x = T[0, 0] * points[k, 0] + T[0, 1] * points[k, 1] + T[0, 2] * points[k, 2] + T[0, 3]
         y = T[1, 0] * points[k, 0] + T[1, 1] * points[k, 1] + T[1, 2] * points[k, 2] + T[1, 3]
@@ -325,5 +330,7 @@ def _depth(points, T, boxes, links, triangles, normals):  # pragma: no cover - c
             or z >= boxes[0, 5] - deepest
         ):
             continue
-        deepest = max(deepest, -signed_distance(x, y, z, boxes, links, triangles, normals))
-    return deepest
+        depth = -signed_distance(x, y, z, boxes, links, triangles, normals)
+        if depth > deepest:
+            deepest, index = depth, k
+    return deepest, index

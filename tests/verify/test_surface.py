@@ -1,0 +1,90 @@
+"""Distances and insides of the check's own hierarchy, against libigl's on the whole mesh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import igl
+import numpy as np
+import pytest
+import trimesh
+
+from sashimono.io.read import read_assembly
+from sashimono.verify.body import SampledBody
+
+EXAMPLE = Path(__file__).parents[2] / "src" / "sashimono" / "examples" / "gearbox.step"
+
+
+def bodies() -> dict[str, SampledBody]:
+    """A ball, a ring, a long needle, and the parts of the shipped example."""
+    meshes = {
+        "ball": trimesh.creation.icosphere(subdivisions=3),
+        "ring": trimesh.creation.torus(1.0, 0.3, major_sections=40, minor_sections=16),
+        "needle": trimesh.creation.cylinder(radius=1e-3, height=2.0, sections=7),
+    }
+    out = {name: SampledBody(name, mesh.vertices, mesh.faces, samples=500) for name, mesh in meshes.items()}
+    for part in read_assembly(EXAMPLE).parts:
+        out[part.name] = SampledBody(part.name, part.vertices_part, part.faces, samples=500)
+    return out
+
+
+BODIES = bodies()
+
+
+def points_about(body: SampledBody) -> np.ndarray:
+    """Points in and around the body, close to its surface, and on it."""
+    rng = np.random.default_rng(5)
+    around = rng.uniform(body.low - 0.2 * body.size, body.high + 0.2 * body.size, (1500, 3))
+    leaves = body.tree.leaves
+    return np.concatenate([around, leaves + 0.01 * body.size * rng.normal(size=leaves.shape), leaves])
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_distances_are_those_of_libigl(name: str) -> None:
+    body = BODIES[name]
+    points = points_about(body)
+    tree = igl.AABB()
+    tree.init(body.vertices, body.faces)
+    squared = tree.squared_distance(body.vertices, body.faces, points)[0]
+    found = body.distance(points)
+    np.testing.assert_allclose(np.abs(found), np.sqrt(squared), atol=1e-12 * body.size)
+    winding = igl.winding_number(body.vertices, body.faces, points)
+    clear = np.abs(found) > 1e-9 * body.size
+    np.testing.assert_array_equal((found < 0.0)[clear], (winding > 0.5)[clear])
+    np.testing.assert_array_equal(body.contains(points)[clear], (winding > 0.5)[clear])
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_bound_changes_nothing_below_it(name: str) -> None:
+    body = BODIES[name]
+    points = points_about(body)
+    exact = body.distance(points)
+    for bound in (-0.02, 0.0, 0.005, 0.1):
+        beyond = np.full(len(points), bound * body.size)
+        bounded = body.distance(points, beyond)
+        below = exact < beyond
+        np.testing.assert_array_equal(bounded[below], exact[below])
+        assert (bounded[~below] >= beyond[~below]).all()
+
+
+def test_inside_is_right_where_a_surface_touches_itself() -> None:
+    """Two blocks in one mesh, face on face: inside either is inside, whichever face is nearest."""
+    first = trimesh.creation.box((1.0, 1.0, 1.0))
+    second = trimesh.creation.box((1.0, 1.0, 1.0))
+    second.apply_translation((1.0, 0.0, 0.0))
+    both = trimesh.util.concatenate([first, second])
+    body = SampledBody("both", both.vertices, both.faces, samples=500)
+    points = np.random.default_rng(0).uniform((-0.8, -0.8, -0.8), (1.8, 0.8, 0.8), (4000, 3))
+    inside = ((points > (-0.5, -0.5, -0.5)) & (points < (1.5, 0.5, 0.5))).all(axis=1)
+    np.testing.assert_array_equal(body.contains(points), inside)
+
+
+def test_rays_along_edges_and_through_corners_are_not_counted() -> None:
+    """Points from which rays meet the corners of a cube exactly are told all the same."""
+    cube = trimesh.creation.box((2.0, 2.0, 2.0))
+    body = SampledBody("cube", cube.vertices, cube.faces, samples=500)
+    rays = np.array([[0.5435, 0.2873, 0.7887], [-0.3711, 0.8329, -0.4106], [0.6127, -0.6611, -0.4331]])
+    corner = np.ones(3)
+    points = np.concatenate([corner - 0.5 * rays, corner + 0.5 * rays, -corner - 2.0 * rays])
+    inside = (np.abs(points) < 1.0).all(axis=1)
+    np.testing.assert_array_equal(body.contains(points), inside)
