@@ -85,7 +85,9 @@ def plan_and_write(
     waiting = None if resting is None else read_resting_poses(resting)
     wishes = wishes or Wishes()
     assembly = read_assembly(source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude))
-    sequence = SequenceConfig(constraints=OrderConstraints(base=wishes.base, before=wishes.before))
+    sequence = SequenceConfig(
+        constraints=OrderConstraints(base=wishes.base, before=wishes.before, together=wishes.together)
+    )
     if wishes.up is not None:
         sequence = replace(sequence, up=wishes.up)
     with progress_display() as display:
@@ -139,7 +141,13 @@ def unit_of(assembly: Assembly) -> str:
 
 
 def read_constraints(
-    file: Path | None, *, base: str | None, up: str | None, before: Sequence[str], exclude: Sequence[str]
+    file: Path | None,
+    *,
+    base: str | None,
+    up: str | None,
+    before: Sequence[str],
+    together: Sequence[str],
+    exclude: Sequence[str],
 ) -> Wishes:
     """Return what a constraints file and the options beside it say; SashimonoError for what cannot be read.
 
@@ -148,6 +156,7 @@ def read_constraints(
         base: The part that everything is put on.
         up: Three numbers, separated by commas.
         before: Pairs ``A:B``.
+        together: Groups ``A,B``, of two names and more.
         exclude: Names or patterns.
     """
     from sashimono.io.constraints_file import Wishes, read_wishes
@@ -165,7 +174,13 @@ def read_constraints(
         except ValueError:
             raise SashimonoError(f"--up {up}: not X,Y,Z. Give three numbers with commas between.") from None
         direction = (x, y, z)
-    own = Wishes(base=base, up=direction, before=tuple(pairs), exclude=tuple(exclude))
+    groups = []
+    for text in together:
+        names = tuple(name.strip() for name in text.split(","))
+        if not all(names):
+            raise SashimonoError(f"--together {text}: not A,B. Give names, or patterns, with commas between.")
+        groups.append(names)
+    own = Wishes(base=base, up=direction, before=tuple(pairs), together=tuple(groups), exclude=tuple(exclude))
     return own if file is None else read_wishes(file).and_then(own)
 
 

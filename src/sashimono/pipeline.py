@@ -410,6 +410,7 @@ def _plan(
         held = hold_plan(held, bodies, config=config.stability, touching=orderer.touching)
         executable = verifier.check_holds(held)
         cost = orderer.cost(held)
+        held = replace(held, notes=(*held.notes, *orderer.parted(held)))
     if config.explain_order and config.method == "cascade":
         with clock.stage("order"):
             held = orderer.explain(held, attempt.found, attempt.asked_without)

@@ -34,6 +34,7 @@ WORDS = {
     "turned": "table turned",
     "turn_overs": "turn-overs",
     "turned_loose": "loose parts turned over",
+    "parted": "parts between those wanted together",
 }
 """The terms of the cost, in words."""
 

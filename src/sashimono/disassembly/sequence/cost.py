@@ -36,6 +36,7 @@ TERMS = (
     "turned",
     "turn_overs",
     "turned_loose",
+    "parted",
 )
 """The terms, by the names of their weights."""
 
@@ -79,6 +80,8 @@ class OrderCostConfig:
     turned_loose: float = 1.0
     """For each group of parts, joined to no other, that must be kept in place while the product is turned over; one of
     them is what it is turned by."""
+    parted: float = 100.0
+    """For each part that comes between others that the user wants together. As good as forbidden."""
     hands: int = 2
     """Hands that there are."""
     steady: float = 0.6
@@ -120,6 +123,8 @@ class CostModel:
     scene: OrderScene
     touching: Touching
     config: OrderCostConfig = field(default_factory=OrderCostConfig)
+    together: tuple[int, ...] = ()
+    """Masks of parts that the user wants to follow one another."""
 
     def total(self, amounts: Mapping[str, float]) -> float:
         """Return the cost of these amounts."""
@@ -160,6 +165,8 @@ class CostModel:
             out["fasteners_out_of_turn"] = float(wrong)
         if rest and not scene.touched_by(members) & rest:
             out["apart"] = 1.0
+        if parted := sum(1 for group in self.together if group & rest and group & gone and not group & members):
+            out["parted"] = float(parted)
         return out
 
     def of_hands(self, held_before: int, held_after: int) -> Amounts:
