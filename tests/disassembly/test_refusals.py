@@ -15,7 +15,8 @@ from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
 from sashimono.disassembly.sequence.order import Orderer
-from sashimono.disassembly.sequence.search import OrderSearch, _Run
+from sashimono.disassembly.sequence.search import OrderSearch
+from sashimono.disassembly.sequence.search_run import SearchRun
 from sashimono.stability import StabilityConfig
 
 
@@ -63,8 +64,8 @@ def test_only_what_was_refused_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     # the last of the blocks to leave may not leave upwards while the one that leaves just before it is there
     *_, earlier, later = before.removals
     asked: list[int] = []
-    grow = _Run.grow
-    monkeypatch.setattr(_Run, "grow", lambda *args, **options: asked.append(1) or grow(*args, **options))
+    grow = SearchRun.grow
+    monkeypatch.setattr(SearchRun, "grow", lambda *args, **options: asked.append(1) or grow(*args, **options))
     harmless = frozenset({replace(later.refusal, among=earlier.members)})
     assert before.avoids(harmless, cascade.parts.all_parts)
     assert left(orderer.improve(first, refused=harmless)) == left(before)
@@ -98,7 +99,7 @@ def test_what_was_asked_once_is_not_asked_again() -> None:
     first = find_disassembly(cascade, config=SequenceConfig())
     before = orderer.improve(first)
     search: OrderSearch = orderer.search
-    known = {key: len(memory.balances) for key, memory in search._memories.items()}
+    known = {key: len(memory.balances) for key, memory in search._site.memories.items()}
     again = orderer.improve(first)
     assert left(again) == left(before)
-    assert {key: len(memory.balances) for key, memory in search._memories.items()} == known
+    assert {key: len(memory.balances) for key, memory in search._site.memories.items()} == known

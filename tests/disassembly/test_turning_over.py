@@ -13,7 +13,7 @@ from solids import assembly, box, rod
 from sashimono.assembly import Assembly, Source
 from sashimono.diff.carry_over import carry_over
 from sashimono.diff.parts import PartChange
-from sashimono.disassembly.sequence.search import OrderSearchConfig
+from sashimono.disassembly.sequence.search_config import OrderSearchConfig
 from sashimono.errors import SashimonoError
 from sashimono.exports import step_table
 from sashimono.io.plan_json import plan_from_json, plan_to_json
@@ -196,21 +196,21 @@ def test_instructions_say_so() -> None:
     assert [k for k, note in enumerate(notes) if "turned over" in str(note)] == [6]
 
 
-def test_the_old_plan_is_good_for_longer_legs() -> None:
-    """Carried over to legs that are 10 mm longer, the product stands 10 mm higher once it is turned over."""
+def test_the_old_plan_is_good_for_shorter_legs() -> None:
+    """Carried over to legs that are 10 mm shorter, the product stands 10 mm lower once it is turned over."""
     plan = planned()
-    longer = []
+    shorter = []
     for part in set_table().parts:
         vertices = np.array(part.vertices_part)
         if part.name.startswith("leg"):
-            vertices[vertices[:, 2] < 0.01, 2] -= 0.01
-        longer.append(replace(part, vertices_part=vertices))
-    parts = Assembly(parts=tuple(longer), source=Source(path="", sha256="", unit="m"))
+            vertices[vertices[:, 2] < 0.01, 2] += 0.01
+        shorter.append(replace(part, vertices_part=vertices))
+    parts = Assembly(parts=tuple(shorter), source=Source(path="", sha256="", unit="m"))
     changes = [PartChange(old=n, new=n, reshaped=n.startswith("leg"), displacement=np.eye(4)) for n in parts.names]
     new = carry_over(plan, parts, changes)
     k, step = turned_step(new)
     assert k == 5
     assert step.table is not None
-    assert step.table.offset == pytest.approx(-0.01)
+    assert step.table.offset == pytest.approx(0.01)
     report = verify_plan(new, parts)
     assert not [problem for each in report.steps for problem in each.problems]

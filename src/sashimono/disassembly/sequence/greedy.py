@@ -24,7 +24,7 @@ from sashimono.disassembly.sequence.constraints import OrderConstraints, resolve
 from sashimono.disassembly.sequence.cost import OrderCostConfig
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
-from sashimono.disassembly.sequence.search import OrderSearchConfig
+from sashimono.disassembly.sequence.search_config import OrderSearchConfig
 from sashimono.plan import Answer
 
 
