@@ -19,6 +19,11 @@ FLAGS = (
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--hide-scrollbars",
     "--remote-debugging-pipe",
 )  # fmt: skip
+KEYS = {
+    "Tab": (9, ""), "Enter": (13, "\r"), "Escape": (27, ""), " ": (32, " "), "End": (35, ""), "Home": (36, ""),
+    "ArrowLeft": (37, ""), "ArrowUp": (38, ""), "ArrowRight": (39, ""), "ArrowDown": (40, ""),
+}  # fmt: skip
+"""The numbers, and what they type, of keys that a control acts on by itself."""
 # Chromium reads DevTools commands from descriptor 3 and writes answers to 4
 _LAUNCH = """
 import os, sys
@@ -129,9 +134,9 @@ class Page:
             raise RuntimeError(f"{method}: {answer['error']['message']}")
         return answer["result"]
 
-    def open(self, path: Path) -> None:
-        """Load a file and return when it has loaded."""
-        self.send("Page.navigate", url=path.resolve().as_uri())
+    def open(self, place: Path | str) -> None:
+        """Load a file, or what lies at an address, and return when it has loaded."""
+        self.send("Page.navigate", url=place if isinstance(place, str) else place.resolve().as_uri())
         while (event := self._read()).get("method") != "Page.loadEventFired":
             self._note(event)
 
@@ -145,8 +150,11 @@ class Page:
 
     def press(self, key: str, code: str) -> None:
         """Press and release a key."""
-        for kind in ("rawKeyDown", "keyUp"):
-            self.send("Input.dispatchKeyEvent", type=kind, key=key, code=code)
+        number, text = KEYS.get(key, (0, ""))
+        kinds = ("keyDown", "keyUp") if text else ("rawKeyDown", "keyUp")
+        for kind in kinds:
+            options = {"text": text} if text and kind == "keyDown" else {}
+            self.send("Input.dispatchKeyEvent", type=kind, key=key, code=code, windowsVirtualKeyCode=number, **options)
 
     def screenshot(self, clip: tuple[int, int, int, int] | None = None) -> bytes:
         """Return the page, or a part of it (x, y, width, height) [pixels], as PNG, after the next frame was drawn."""

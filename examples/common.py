@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import manifold3d
 import numpy as np
 
@@ -31,10 +33,10 @@ def rod(radius: float, length: float, at: tuple[float, float, float] = (0.0, 0.0
     return Solid.cylinder(length, radius, radius, 48, center=True).translate(at)
 
 
-def screwed_lid() -> Assembly:
+def screwed_lid(lid_length: float = 0.08) -> Assembly:
     """Return a box with something in it, a lid, and two screws without threads that hold the lid."""
     base = box((0.08, 0.05, 0.03)) - box((0.05, 0.04, 0.03), (0.0, 0.0, 0.005))
-    lid = box((0.08, 0.05, 0.004), (0.0, 0.0, 0.017))
+    lid = box((lid_length, 0.05, 0.004), (0.0, 0.0, 0.017))
     parts = []
     for k, x in enumerate((-0.033, 0.033)):
         hole = rod(0.002, 0.03, (x, 0.0, 0.01))
@@ -42,3 +44,13 @@ def screwed_lid() -> Assembly:
         screw = rod(0.002, 0.02, (x, 0.0, 0.009)) + rod(0.004, 0.003, (x, 0.0, 0.0205))
         parts.append(part(f"screw_{k + 1}", screw))
     return Assembly(parts=(part("base", base), part("lid", lid), part("board", box((0.03, 0.03, 0.01))), *parts))
+
+
+def write_parts(assembly: Assembly, folder: Path) -> Path:
+    """Write the parts in place as OBJ files in metres, and return their folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for each in assembly.parts:
+        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in each.vertices_world]
+        lines += [f"f {a} {b} {c}" for a, b, c in each.faces + 1]
+        (folder / f"{each.name}.obj").write_text("\n".join(lines) + "\n", encoding="ascii")
+    return folder

@@ -28,13 +28,13 @@ LEVELS = [
     {"assembly", "plan", "bodies"},
     {"io"},
     {"stability", "fasteners"},
-    {"doctor"},
+    {"examination"},
     {"disassembly"},
     {"motion"},
     {"contact"},
-    {"tree"},
+    {"tree", "bought"},
     {"verify", "view"},
-    {"d4pas", "diff"},
+    {"d4pas", "revision"},
     {"learning"},
     {"pipeline"},
     {"outputs", "console"},
@@ -56,14 +56,21 @@ ROOMS = {
         {"mending"},
         {"formats"},
         {"plan_schema"},
-        {"checks", "plan_json", "resting_file", "constraints_file"},
+        {"checks", "plan_json", "resting_file", "constraints_file", "tree"},
+        {"kept"},
         {"read"},
         {"plan_input"},
     ],
-    "diff": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
-    "doctor": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
+    "revision": [{"sources"}, {"parts"}, {"steps", "carry_over"}, {"compare"}, {"report"}],
+    "examination": [{"config"}, {"findings"}, {"size", "pairs", "hidden"}, {"examine"}, {"report"}],
     "serve": [{"limits"}, {"upload", "options", "jobs"}, {"workers"}, {"web"}, {"server"}],
-    "fasteners": [{"sizes", "profile"}, {"shape", "placement"}, {"recognise"}, {"precedence", "bonds"}, {"report"}],
+    "fasteners": [
+        {"sizes", "profile"},
+        {"shape", "placement"},
+        {"recognise"},
+        {"precedence", "bonds", "tools"},
+        {"report"},
+    ],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
@@ -80,7 +87,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree"}
+ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree", "bought"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

@@ -8,6 +8,7 @@ import io
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lxml import etree
 from test_cli import one_line, write_box
@@ -15,6 +16,7 @@ from test_cli import one_line, write_box
 from sashimono import exports
 from sashimono.cli import BAD_INPUT, OK, run
 from sashimono.fasteners.recognise import find_fasteners
+from sashimono.view.clip import ClipConfig
 from sashimono.view.manual import pdf
 
 
@@ -83,6 +85,10 @@ def test_a_workbook_without_its_library_is_one_line(
     [
         (["export", "PLAN"], "nothing to write"),
         (["export", "PLAN", "--bom", "b.txt"], "not a table"),
+        (["export", "PLAN", "--clip", "c.mp4"], "not a clip"),
+        (["export", "PLAN", "--clip", "c.webp", "--step", "9"], "--step 9: no step that moves. Choose one of: 2"),
+        (["export", "PLAN", "--step", "2"], "--step is for --clip"),
+        (["export", "PLAN", "--mtc", "PLAN"], "is a file"),
         (["export", "PLAN", "--bom", "b.csv", "--input", "nowhere"], "nowhere"),
         (["export", "absent.json", "--bom", "b.csv"], "absent.json"),
         (["manual", "PLAN", "--out", "m", "--language", "fr"], "--language fr is not known"),
@@ -159,3 +165,33 @@ def test_a_scene_loads_in_the_simulator(planned: Path, tmp_path: Path) -> None:
     for _ in range(100):
         mujoco.mj_step(model, data)
     assert data.qpos == pytest.approx(before, abs=1e-6), "nothing falls and nothing is pushed apart"
+
+
+def test_a_clip_shows_the_way_in(planned: Path, tmp_path: Path) -> None:
+    image = pytest.importorskip("PIL.Image")
+    file = tmp_path / "step.webp"
+    assert run(["export", str(planned), "--clip", str(file), "--step", "2"]) == OK
+    with image.open(file) as clip:
+        assert clip.n_frames == ClipConfig().frames
+        assert clip.info["loop"] == 0
+        frames = []
+        for k in (0, clip.n_frames - 1):
+            clip.seek(k)
+            frames.append(np.asarray(clip.convert("RGB"), dtype=np.int64))
+    assert frames[0].shape == (ClipConfig().height, ClipConfig().width, 3)
+    # what comes is orange, and comes down
+    orange = [(frame[..., 0] > 200) & (frame[..., 2] < 110) for frame in frames]
+    assert all(mask.sum() > 500 for mask in orange)
+    heights = [np.nonzero(mask)[0].mean() for mask in orange]
+    assert abs(heights[1] - heights[0]) > 5.0
+    assert [path.name for path in tmp_path.iterdir()] == ["step.webp"]
+
+
+def test_a_clip_without_its_library_is_one_line(
+    planned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = importlib.util.find_spec
+    monkeypatch.setattr(exports, "find_spec", lambda name: None if name == "PIL" else real(name))
+    assert run(["export", str(planned), "--clip", str(tmp_path / "c.webp")]) == BAD_INPUT
+    assert "sashimono[render]" in one_line(capsys.readouterr().err)
+    assert list(tmp_path.iterdir()) == []

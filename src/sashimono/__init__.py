@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sashimono.disassembly.explanation.explain import Explanation
     from sashimono.disassembly.explanation.report import explanation_lines
     from sashimono.errors import InputError, PlanFormatError, SashimonoError
+    from sashimono.examination import Diagnosis, DoctorConfig
     from sashimono.io.plan_json import read_plan, write_plan
     from sashimono.io.raw import ReadConfig
     from sashimono.io.read import read_assembly
@@ -22,9 +23,10 @@ if TYPE_CHECKING:
     from sashimono.notebook import LoadedPlan, load_plan, show
     from sashimono.pipeline import PipelineConfig, plan_assembly
     from sashimono.plan import Answer, AssemblyPlan, Contact, Motion, MotionClass, Step, Unsolved
-    from sashimono.tasks import explain, find_conditions, make_cascade, read_gripper, write_results
+    from sashimono.revision import Revision
+    from sashimono.tasks import diff, doctor, explain, find_conditions, make_cascade, read_gripper, write_results
     from sashimono.verify import VerifyConfig, VerifyReport, verify_file, verify_plan
-    from sashimono.view import write_explanation, write_glb, write_html
+    from sashimono.view import write_diagnosis, write_explanation, write_glb, write_html
     from sashimono.view.manual import write_manual
 
 __version__ = "0.1.0"
@@ -35,6 +37,8 @@ _HOMES = {
     "AssemblyPlan": "sashimono.plan",
     "Contact": "sashimono.plan",
     "ContactConfig": "sashimono.contact",
+    "Diagnosis": "sashimono.examination",
+    "DoctorConfig": "sashimono.examination",
     "Explanation": "sashimono.disassembly.explanation.explain",
     "Gripper": "sashimono.contact",
     "InputError": "sashimono.errors",
@@ -48,6 +52,7 @@ _HOMES = {
     "RRTConfig": "sashimono.motion",
     "ReadConfig": "sashimono.io.raw",
     "RemovalConditions": "sashimono.disassembly.conditions.clauses",
+    "Revision": "sashimono.revision",
     "SashimonoError": "sashimono.errors",
     "SeparateConfig": "sashimono.disassembly.config",
     "Step": "sashimono.plan",
@@ -58,6 +63,8 @@ _HOMES = {
     "choose_contact": "sashimono.contact",
     "choose_contacts": "sashimono.contact",
     "count_orders": "sashimono.disassembly.conditions.orders",
+    "diff": "sashimono.tasks",
+    "doctor": "sashimono.tasks",
     "explain": "sashimono.tasks",
     "explanation_lines": "sashimono.disassembly.explanation.report",
     "find_conditions": "sashimono.tasks",
@@ -76,6 +83,7 @@ _HOMES = {
     "stable_poses": "sashimono.motion",
     "verify_file": "sashimono.verify",
     "verify_plan": "sashimono.verify",
+    "write_diagnosis": "sashimono.view",
     "write_explanation": "sashimono.view",
     "write_glb": "sashimono.view",
     "write_html": "sashimono.view",
@@ -91,6 +99,8 @@ __all__ = [
     "AssemblyPlan",
     "Contact",
     "ContactConfig",
+    "Diagnosis",
+    "DoctorConfig",
     "Explanation",
     "Gripper",
     "InputError",
@@ -104,6 +114,7 @@ __all__ = [
     "RRTConfig",
     "ReadConfig",
     "RemovalConditions",
+    "Revision",
     "SashimonoError",
     "SeparateConfig",
     "Step",
@@ -115,6 +126,8 @@ __all__ = [
     "choose_contact",
     "choose_contacts",
     "count_orders",
+    "diff",
+    "doctor",
     "explain",
     "explanation_lines",
     "find_conditions",
@@ -133,6 +146,7 @@ __all__ = [
     "stable_poses",
     "verify_file",
     "verify_plan",
+    "write_diagnosis",
     "write_explanation",
     "write_glb",
     "write_html",

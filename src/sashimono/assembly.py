@@ -75,6 +75,43 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Product:
+    """A product nested in the file's own structure: several parts that the designer drew as one thing."""
+
+    name: str
+    """Unique among products and parts."""
+    parts: tuple[str, ...]
+    """All of its parts, those of products inside it too, in part order; at least two, and never all there are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kept:
+    """A product that stays one part, because it is bought as one or because the user wants that."""
+
+    product: str
+    """The product, and the part that it became."""
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandIn:
+    """A closed body in place of a part whose surface is not closed. It contains that surface."""
+
+    part: str
+    problem: str
+    """What is wrong with the surface."""
+    how: str
+    """What the body is made of."""
+    off: float
+    """How far it reaches from the surface, at most, by samples [m]."""
+
+    @property
+    def words(self) -> str:
+        """What a reader has to know."""
+        return f"{self.part}: {self.problem}; a closed stand-in is used, {self.how}, up to {1e3 * self.off:.3g} mm off"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Source:
     """Where an assembly was read from, so that a plan can be checked against it."""
 
@@ -87,6 +124,12 @@ class Source:
     """Which parts of several solids were taken apart (`ReadConfig.split`)."""
     excluded: tuple[str, ...] = ()
     """Parts that were left out (`ReadConfig.exclude`)."""
+    products: tuple[Product, ...] = ()
+    """The product tree as the file has it, before anything was kept together."""
+    kept: tuple[Kept, ...] = ()
+    """Products that stay one part (`ReadConfig.kept`)."""
+    stand_ins: tuple[StandIn, ...] = ()
+    """Parts that are not closed in the file, and the closed bodies in their place (`ReadConfig.stand_ins`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +156,9 @@ class Assembly:
     """Classes of parts with the same shape; only classes of two or more."""
     notes: tuple[str, ...] = ()
     """What was mended or looked doubtful while reading, one line each."""
+    products: tuple[Product, ...] = ()
+    """The products that are made of several of these parts, the outer ones first; two of them share parts only where
+    one is inside the other."""
     _index: dict[str, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -218,9 +218,23 @@ def plan(
     exclude: Annotated[
         list[str] | None, typer.Option(metavar="PART", help="leave a part out; repeatable; a name or a pattern")
     ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="a product of INPUT's tree stays one part; repeatable; a name or a pattern"),
+    ] = None,
+    flat: Annotated[
+        bool, typer.Option("--flat", help="plan all parts side by side, whatever INPUT's product tree says")
+    ] = False,
+    stand_ins: Annotated[
+        bool,
+        typer.Option(
+            "--stand-ins/--no-stand-ins",
+            help="whether a part that is not closed is planned by a closed body that contains it, and flagged",
+        ),
+    ] = True,
     constraints: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="a .toml file with base, up, before, together, exclude: that beside a plan"),
+        typer.Option(metavar="FILE", help="a .toml file with base, up, before, together, ...: the one beside a plan"),
     ] = None,
     resting: Annotated[
         Path | None,
@@ -250,7 +264,14 @@ def plan(
 
         find_device(device)
     wishes = read_constraints(
-        constraints, base=base, up=up, before=before or (), together=together or (), exclude=exclude or ()
+        constraints,
+        base=base,
+        up=up,
+        before=before or (),
+        together=together or (),
+        exclude=exclude or (),
+        keep=keep or (),
+        flat=flat,
     )
     if method == "physics" and (wishes.base is not None or wishes.before):
         raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
@@ -274,7 +295,7 @@ def plan(
         "hands": hands,
         "explain_order": explain_order,
     }
-    options |= {"unit": unit, "split": split, "seed": seed}
+    options |= {"unit": unit, "split": split, "seed": seed, "stand_ins": stand_ins}
     return plan_and_write(source, out, **options)
 
 
@@ -323,17 +344,40 @@ def export(
     mjcf: Annotated[
         Path | None, typer.Option(metavar="DIR", help="a scene for MuJoCo, scene.xml, with a keyframe a step")
     ] = None,
+    mtc: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="a script for the MoveIt Task Constructor, assemble.py, and its data"),
+    ] = None,
+    clip: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="a moving picture of the ways in, as .webp (the render extra)")
+    ] = None,
+    step: Annotated[
+        str | None, typer.Option(metavar="N", help="with --clip: of this step only; inside a subassembly 3.1")
+    ] = None,
     source: PlanInput = None,
 ) -> int:
-    """Write tables of a plan, its bill of materials and its steps [mm], or a scene for a simulator."""
-    from sashimono.exports import write_scene, write_tables
+    """Write tables of a plan [mm], a scene for a simulator, a task for MoveIt, or a moving picture of a step."""
+    from sashimono.console import progress_display
+    from sashimono.exports import write_clip, write_scene, write_tables, write_task
 
     files = {"--bom": bom, "--steps": steps}
-    refuse_bad_files(files)
-    if mjcf is not None:
-        refuse_unwritable(mjcf, option="--mjcf")
-    written = () if mjcf is None else write_scene(path, mjcf, source=source)[:1]
-    if mjcf is None or any(files.values()):
+    refuse_bad_files({**files, "--clip": clip})
+    folders = {"--mjcf": (mjcf, write_scene), "--mtc": (mtc, write_task)}
+    for option, (folder, _) in folders.items():
+        if folder is not None:
+            refuse_unwritable(folder, option=option)
+    if step is not None and clip is None:
+        raise SashimonoError("--step is for --clip. Give --clip FILE too.")
+    if not any((*files.values(), mjcf, mtc, clip)):
+        raise SashimonoError("nothing to write. Give one of: --bom, --steps, --mjcf, --mtc, --clip.")
+    written: tuple[Path, ...] = ()
+    for folder, write in folders.values():
+        if folder is not None:
+            written += write(path, folder, source=source)[:1]
+    if clip is not None:
+        with progress_display() as progress:
+            written += (write_clip(path, clip, step=step, source=source, progress=progress),)
+    if any(files.values()):
         written += write_tables(path, files, source=source)
     for file in written:
         say(f"written: {file}")
@@ -437,7 +481,7 @@ def doctor(
     """
     from dataclasses import replace
 
-    from sashimono.doctor import diagnosis_as_dict, diagnosis_lines, examine
+    from sashimono.examination import diagnosis_as_dict, diagnosis_lines, examine
     from sashimono.io.read import inspect_assembly
 
     refuse_bad_files({"--json": json_file, "--html": html_file})
@@ -467,7 +511,7 @@ def diff(
 
     Exit status 0 if nothing changed, 1 if something did, 3 if the old plan does not work any more.
     """
-    from sashimono.diff import compare, read_side, revision_as_dict, revision_lines
+    from sashimono.revision import compare, read_side, revision_as_dict, revision_lines
 
     refuse_bad_files({"--json": json_file})
     before = read_side(old, unit=unit)

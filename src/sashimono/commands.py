@@ -44,6 +44,7 @@ def plan_and_write(
     declare_threads: bool = False,
     hands: int = 2,
     explain_order: bool = False,
+    stand_ins: bool = True,
     copy_input: bool = False,
 ) -> int:
     """Read an input, plan it, write the results and say what came of it; return the exit status.
@@ -65,16 +66,20 @@ def plan_and_write(
         declare_threads: Whether screws drawn without ridges are turned in.
         hands: How many hands there are.
         explain_order: Whether each step says what else could have come, and why it did not.
+        stand_ins: Whether parts that are not closed are planned by closed bodies that contain them; else refused.
         copy_input: Whether a copy of the input is written beside the plan.
     """
     from dataclasses import replace
 
+    from sashimono.bought import find_bought
     from sashimono.console import progress_display, summary_lines
     from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config
     from sashimono.disassembly.sequence.constraints import OrderConstraints
     from sashimono.disassembly.sequence.greedy import SequenceConfig
+    from sashimono.disassembly.sequence.products import ProductConfig
     from sashimono.disassembly.threads.declared import DeclareConfig
     from sashimono.io.constraints_file import Wishes
+    from sashimono.io.kept import keep_together
     from sashimono.io.read import read_assembly
     from sashimono.io.resting_file import read_resting_poses
     from sashimono.motion import MotionConfig, TableConfig
@@ -84,9 +89,14 @@ def plan_and_write(
     tool, asked = find_gripper(gripper), find_grippers(grippers)
     waiting = None if resting is None else read_resting_poses(resting)
     wishes = wishes or Wishes()
-    assembly = read_assembly(source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude))
+    assembly = read_assembly(
+        source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude, stand_ins=stand_ins)
+    )
+    if not wishes.flat:
+        assembly = keep_together(assembly, find_bought(assembly, keep=wishes.keep))
     sequence = SequenceConfig(
-        constraints=OrderConstraints(base=wishes.base, before=wishes.before, together=wishes.together)
+        constraints=OrderConstraints(base=wishes.base, before=wishes.before, together=wishes.together),
+        products=ProductConfig(enabled=not wishes.flat),
     )
     if wishes.up is not None:
         sequence = replace(sequence, up=wishes.up)
@@ -148,6 +158,8 @@ def read_constraints(
     before: Sequence[str],
     together: Sequence[str],
     exclude: Sequence[str],
+    keep: Sequence[str] = (),
+    flat: bool = False,
 ) -> Wishes:
     """Return what a constraints file and the options beside it say; SashimonoError for what cannot be read.
 
@@ -158,6 +170,8 @@ def read_constraints(
         before: Pairs ``A:B``.
         together: Groups ``A,B``, of two names and more.
         exclude: Names or patterns.
+        keep: Names of products, or patterns.
+        flat: Whether the product tree is not looked at.
     """
     from sashimono.io.constraints_file import Wishes, read_wishes
 
@@ -181,7 +195,11 @@ def read_constraints(
             raise SashimonoError(f"--together {text}: not A,B. Give names, or patterns, with commas between.")
         groups.append(names)
     own = Wishes(base=base, up=direction, before=tuple(pairs), together=tuple(groups), exclude=tuple(exclude))
-    return own if file is None else read_wishes(file).and_then(own)
+    own = replace(own, keep=tuple(keep), flat=flat)
+    wishes = own if file is None else read_wishes(file).and_then(own)
+    if wishes.flat and wishes.keep:
+        raise SashimonoError(f"--keep {wishes.keep[0]} and --flat contradict one another. Take one of them away.")
+    return wishes
 
 
 def find_gripper(name: str) -> str | Gripper:

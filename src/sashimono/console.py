@@ -57,15 +57,32 @@ def _line_progress(stage: str, done: int, total: int) -> None:
 def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     """Return the plan in words: a line for the whole, one a step in assembly order, one for each unsolved part."""
     verdict = "complete and verified" if plan.status == "complete" else "partial"
-    width = max((len(name) for name in plan.parts), default=0)
+    width = max((len(name) for name in (*plan.parts, *(entry.name for entry in plan.products))), default=0)
     return [
         f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
         plan.verdict,
         *([] if plan.cost is None else [_cost_line(plan.cost)]),
         *_step_lines(plan.steps, width, ""),
         *_unsolved_lines(plan, width),
+        *_product_lines(plan),
         *_overlap_lines(plan),
     ]
+
+
+PLANNED = {
+    "subassembly": "put together on a bench of its own",
+    "base": "put together first, where it stands",
+    "apart": "not put together by itself",
+}
+"""What became of a product."""
+
+
+def _product_lines(plan: AssemblyPlan) -> Iterator[str]:
+    """One for each product of the input's tree: what became of it, and why."""
+    for entry in plan.source.kept:
+        yield f"product {entry.product}: one part, {entry.reason}"
+    for entry in plan.products:
+        yield f"product {entry.name}: {PLANNED[entry.planned]}{f' ({entry.reason})' if entry.reason else ''}"
 
 
 def _overlap_lines(plan: AssemblyPlan) -> list[str]:
@@ -82,7 +99,7 @@ def _overlap_lines(plan: AssemblyPlan) -> list[str]:
 def _step_lines(steps: Sequence[Step], width: int, indent: str) -> Iterator[str]:
     """Yield a line a step; below a subassembly's, indented, those by which it was put together before."""
     for k, step in enumerate(steps, 1):
-        yield f"{indent}{k:4d} {step.part:<{width}}  {_step_words(step)}"
+        yield f"{indent}{k:4d} {step.product or step.part:<{width}}  {_step_words(step)}"
         yield from _alternative_lines(step, width, indent)
         if step.subassembly is not None:
             yield from _step_lines(step.subassembly.steps, width, indent + "     ")
@@ -116,6 +133,8 @@ def _step_words(step: Step) -> str:
     words.append(_thread_words(step.declared) if step.declared else _direction_words(step.motion.T_world_part))
     if len(step.motion.T_world_part) > 1:
         words.append(_contact_words(step))
+    if step.tool is not None and step.tool.reason is not None:
+        words.append(f"{step.tool.name}: {step.tool.reason}")
     if step.held:
         words.append(f"hold {few_words(step.held)}")
     evidence = step.motion.evidence
@@ -148,7 +167,7 @@ def _thread_words(declared: DeclaredHelix) -> str:
 
 def _contact_words(step: Step) -> str:
     if step.contact is None:
-        return f"no contact ({shorten(step.contact_reason or 'not planned', REASON_WIDTH, placeholder=' …')})"
+        return f"no grasp ({shorten(step.contact_reason or 'not planned', REASON_WIDTH, placeholder=' …')})"
     return f"{step.contact.kind} of quality {step.contact.quality:.3g}"
 
 

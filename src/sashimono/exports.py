@@ -18,9 +18,11 @@ from sashimono.io.plan_input import read_plan_input
 from sashimono.io.plan_json import read_plan
 from sashimono.outputs import replacing_together
 from sashimono.plan import AssemblyPlan, Step
+from sashimono.view.clip import clip_steps, render_clip
 from sashimono.view.manual import LANGUAGES, bill_of_materials, find_browser, print_page, write_manual
 from sashimono.view.manual.pdf import no_browser_words
 from sashimono.view.mjcf import write_mjcf
+from sashimono.view.mtc import write_mtc
 
 _log = logging.getLogger(__name__)
 
@@ -129,17 +131,70 @@ def write_scene(path: Path, out: Path, *, source: Path | None = None) -> tuple[P
     return tuple(out / name for name in names)
 
 
+def write_task(path: Path, out: Path, *, source: Path | None = None) -> tuple[Path, ...]:
+    """Write a plan for the MoveIt Task Constructor: assemble.py, steps.json and an OBJ a part; return the files.
+
+    Args:
+        path: The plan.json.
+        out: The folder to write into.
+        source: The plan's input, where it has moved.
+
+    Raises SashimonoError for what cannot be read or written.
+    """
+    plan, assembly = read_plan_and_input(path, source)
+    with replacing_together(out) as folder:
+        names = write_mtc(plan, assembly, folder)
+    return tuple(out / name for name in names)
+
+
+def write_clip(
+    path: Path,
+    file: Path,
+    *,
+    step: str | None = None,
+    source: Path | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Path:
+    """Write an animated WebP of the way in of a step, or of all, and return the file.
+
+    Args:
+        path: The plan.json.
+        file: Ends in .webp.
+        step: The step's number ("3", or "3.1" inside a subassembly); None for all steps.
+        source: The plan's input, where it has moved.
+        progress: Called with "pictures", how many are done, and of how many.
+
+    Raises SashimonoError for another ending, a step that there is not, where Pillow is missing, and for what cannot be
+    read or written.
+    """
+    if file.suffix.lower() != ".webp":
+        raise SashimonoError(f"--clip {file}: not a clip that can be written. End it in .webp.")
+    if find_spec("PIL") is None:
+        raise SashimonoError("clips need Pillow. Install it: pip install 'sashimono[render]'.")
+    plan, assembly = read_plan_and_input(path, source)
+    drawn = None if progress is None else partial(progress, "pictures")
+    content = render_clip(plan, assembly, clip_steps(plan, assembly, step), progress=drawn)
+    with replacing_together(file.parent) as folder:
+        (folder / file.name).write_bytes(content)
+    return file
+
+
 def bill_table(plan: AssemblyPlan, assembly: Assembly, fasteners: Sequence[Fastener]) -> list[list[Cell]]:
-    """Return the bill of materials, its head first; sizes are edges of the part's box [mm], longest first."""
+    """Return the bill of materials, its head first; sizes are edges of the part's box [mm], longest first.
+
+    ``products`` are those of the input's tree that the parts are in, from the outer to the inner ("drive / motor").
+    """
     head: list[Cell] = [
-        "number", "part", "quantity", "names", "kind", "size", "tool", "length_mm", "width_mm", "height_mm",
+        "number", "part", "quantity", "names", "products", "kind", "size", "tool", "length_mm", "width_mm", "height_mm",
     ]  # fmt: skip
     rows = [head]
+    kept = {entry.product: entry.reason for entry in plan.source.kept}
     for row in bill_of_materials(plan, assembly, fasteners):
         own = row.fastener
         rows.append(
             [
-                row.number, row.label, len(row.names), " ".join(row.names), "" if own is None else own.kind,
+                row.number, row.label, len(row.names), " ".join(row.names), _products_of(row.names, assembly),
+                kept.get(row.names[0], "") if own is None else own.kind,
                 "" if own is None else own.size, _tool(own), *(round(1e3 * float(edge), 3) for edge in row.size),
             ]
         )  # fmt: skip
@@ -150,8 +205,8 @@ def step_table(plan: AssemblyPlan, assembly: Assembly, fasteners: Sequence[Faste
     """Return a line for each step, its head first; those inside a subassembly stand before its own step."""
     kinds = {fastener.part: fastener for fastener in fasteners}
     head: list[Cell] = [
-        "step", "part", "parts", "direction_x", "direction_y", "direction_z", "length_mm", "turns", "contact", "tool",
-        "held", "hands", "note",
+        "step", "part", "product", "parts", "direction_x", "direction_y", "direction_z", "length_mm", "turns",
+        "contact", "tool", "held", "hands", "note",
     ]  # fmt: skip
     return [head, *_step_rows(plan.steps, "", kinds)]
 
@@ -167,7 +222,8 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
             way += [round(1e3 * step.length, 4), round(step.turns, 4) + 0.0]
         rows.append(
             [
-                f"{prefix}{k}", step.part, " ".join(step.members), *way, step.moved_by if step.moves else "base",
+                f"{prefix}{k}", step.part, step.product or "", " ".join(step.members), *way,
+                step.moved_by if step.moves else "base",
                 "" if step.moving else _tool(kinds.get(step.part)), " ".join(step.held),
                 "" if step.hands is None else step.hands, _note(step),
             ]
@@ -178,7 +234,14 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
 def _note(step: Step) -> str:
     said = ["the product is turned over before"] if step.turned else []
     said += [f"then held: {' '.join(step.held_before)}"] if step.held_before else []
-    return "; ".join([*said, *([step.contact_reason] if step.contact_reason else [])])
+    reasons = (step.contact_reason, step.tool and step.tool.reason)
+    return "; ".join([*said, *(reason for reason in reasons if reason)])
+
+
+def _products_of(names: Sequence[str], assembly: Assembly) -> str:
+    """The products around these parts, each once."""
+    around = (" / ".join(p.name for p in assembly.products if name in p.parts) for name in names)
+    return "; ".join(dict.fromkeys(path for path in around if path))
 
 
 def _tool(fastener: Fastener | None) -> str:

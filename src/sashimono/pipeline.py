@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from sashimono import __version__
-from sashimono.assembly import Assembly, Source
+from sashimono.assembly import Assembly, Source, few_words
 from sashimono.bodies import make_bodies
 from sashimono.contact import ContactConfig, Executability, Gripper, named_gripper, real_tool
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
@@ -21,12 +21,24 @@ from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.sequence.algorithm1 import Algorithm1Config, plan_disassembly
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import REFUSED, SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence.nested import TakenApart, take_apart_by_products
 from sashimono.disassembly.sequence.order import Orderer
+from sashimono.disassembly.sequence.products import Products
 from sashimono.errors import SashimonoError
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
-from sashimono.plan import Answer, AssemblyPlan, Fastening, Motion, RestingPoses, Step, Table, Unsolved, placed_parts
+from sashimono.plan import (
+    Answer,
+    AssemblyPlan,
+    Motion,
+    PlannedProduct,
+    RestingPoses,
+    Step,
+    Table,
+    Unsolved,
+    placed_parts,
+)
 from sashimono.stability import StabilityConfig, hold_plan
 from sashimono.tree import Progress, TreePlanner
 from sashimono.verify import StepReport, Verifier, VerifyConfig
@@ -109,13 +121,12 @@ def plan_assembly(
     for tool in config.grippers:
         real_tool(tool)
     clock = _Clock()
-    rng_bodies, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
+    rng_bodies, _, _ = np.random.default_rng(seed).spawn(3)
     with clock.stage("sequence"):
         bodies = make_bodies(assembly, config=config.samples, rng=rng_bodies)
         cascade = Cascade(assembly, bodies, config=config.separate)
         sequence = replace(config.sequence, cost=replace(config.sequence.cost, hands=config.hands))
         orderer = Orderer(cascade, bodies, config=sequence, stability=config.stability)
-    refused: frozenset[Refusal] = frozenset()
     planner = TreePlanner(
         assembly=assembly,
         bodies=bodies,
@@ -129,6 +140,34 @@ def plan_assembly(
     )
     with clock.stage("verify"):
         verifier = Verifier(assembly, config=config.verify)
+    products = Products()
+    if config.method == "cascade" and config.sequence.products.enabled and assembly.products:
+        with clock.stage("sequence"):
+            products = orderer.products
+    best = _best_attempt(planner, verifier, cascade, orderer, products, config, seed, progress)
+    if best.unsolved and products.groups:
+        side_by_side = replace(products, groups=())
+        flat = _best_attempt(planner, verifier, cascade, orderer, side_by_side, config, seed, progress)
+        if flat.worth > best.worth:
+            reason = f"as one it could not be planned: {best.unsolved[0].part}: {best.unsolved[0].reason}"
+            taken = replace(flat.taken, apart={group.name: reason for group in products.groups})
+            best = replace(flat, taken=taken)
+    return _plan(assembly, bodies, orderer, verifier, best, config, seed, clock)
+
+
+def _best_attempt(
+    planner: TreePlanner,
+    verifier: Verifier,
+    cascade: Cascade,
+    orderer: Orderer,
+    products: Products,
+    config: PipelineConfig,
+    seed: int,
+    progress: Progress,
+) -> _Attempt:
+    """Return the best of a few attempts, each of which does without what failed in those before."""
+    _, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
+    refused: frozenset[Refusal] = frozenset()
     best: _Attempt | None = None
     known: DisassemblyResult | None = None
     given_up = False
@@ -139,9 +178,20 @@ def plan_assembly(
         zip(rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True)
     ):
         # where an order that was searched for fails twice, or for good, the one that was found first is tried
-        searched = orderer if config.method == "cascade" and number < 2 and not given_up else None
-        rngs = (motion_rng, contact_rng)
-        attempt = _attempt(planner, verifier, cascade, searched, refused, known, config, rngs, progress)
+        searched = config.method == "cascade" and number < 2 and not given_up
+        attempt = _attempt(
+            planner,
+            verifier,
+            cascade,
+            orderer,
+            products,
+            searched,
+            refused,
+            known,
+            config,
+            (motion_rng, contact_rng),
+            progress,
+        )
         known = attempt.first
         refutations |= attempt.refutations
         if best is None or attempt.worth > best.worth:
@@ -150,25 +200,24 @@ def plan_assembly(
         if not again and for_contacts > 0 and not attempt.unsolved:
             for_contacts -= 1
             again = attempt.contactless - refused
-        if not again and searched is not None and attempt.left_out:
+        if not again and searched and attempt.left_out:
             given_up = True
         elif not again:
             break
         refused |= again
         logger.info("going back to level 1 without %s", sorted(map(str, again)))
     assert best is not None, "at least one attempt is made"
-    unsolved = tuple(_with_refutation(entry, refutations) for entry in best.unsolved)
-    return _plan(assembly, bodies, orderer, verifier, replace(best, unsolved=unsolved), config, seed, clock)
+    return replace(best, unsolved=tuple(_with_refutation(entry, refutations) for entry in best.unsolved))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Attempt:
     """One attempt: what the three levels made, and what the check said of it."""
 
-    found: DisassemblyResult
+    taken: TakenApart
     """What level 1 took apart."""
-    first: DisassemblyResult
-    """The same in the order that was found first."""
+    first: DisassemblyResult | None
+    """The same in the order that was found first; None where products were taken apart by themselves."""
     asked_without: frozenset[Refusal]
     """Departures that it was not to take."""
     steps: tuple[Step, ...]
@@ -185,7 +234,8 @@ class _Attempt:
     @property
     def left_out(self) -> bool:
         """Whether a part is unsolved that level 1 took apart."""
-        levels = [self.found, *(d.inside for d in self.found.departures() if d.inside is not None)]
+        found = self.taken.found
+        levels = [found, *(d.inside for d in found.departures() if d.inside is not None)]
         stuck = sum(len(level.stuck) for level in levels)
         return len(self.unsolved) > stuck
 
@@ -207,7 +257,9 @@ def _attempt(
     planner: TreePlanner,
     verifier: Verifier,
     cascade: Cascade,
-    orderer: Orderer | None,
+    orderer: Orderer,
+    products: Products,
+    searched: bool,
     refused: frozenset[Refusal],
     before: DisassemblyResult | None,
     config: PipelineConfig,
@@ -216,18 +268,27 @@ def _attempt(
 ) -> _Attempt:
     assembly = planner.assembly
     count = len(assembly) - 1
-    if before is not None and config.method != "physics" and before.avoids(refused, cascade.parts.all_parts):
-        first = before  # with nothing of it refused, the same would be found again
-    else:
-        with planner.stage("sequence"):
-            first = _take_apart(
-                planner, cascade, refused, config, rngs[1], lambda done: progress("sequence", done, count)
-            )
-    found = first
-    if orderer is not None:
+
+    def counted(done: int) -> None:
+        progress("sequence", done, count)
+
+    up = config.motion.table.up if planner.resting is None else planner.resting.table.normal
+    if products.groups:
         with planner.stage("order"):
-            up = config.motion.table.up if planner.resting is None else planner.resting.table.normal
-            found = orderer.improve(first, refused=refused, up=up)
+            first = None
+            options = {"config": config.sequence, "refused": refused, "up": up, "searched": searched}
+            taken = take_apart_by_products(cascade, orderer, products, **options, progress=counted)
+    else:
+        if before is not None and config.method != "physics" and before.avoids(refused, cascade.parts.all_parts):
+            first = before  # with nothing of it refused, the same would be found again
+        else:
+            with planner.stage("sequence"):
+                first = _take_apart(planner, cascade, refused, config, rngs[1], counted)
+        taken = TakenApart(found=first)
+        if searched:
+            with planner.stage("order"):
+                taken = replace(taken, found=orderer.improve(taken.found, refused=refused, up=up))
+    found = taken.found
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
     draft = _draft(assembly, level.table, level.steps, level.unsolved)
     with planner.stage("verify"):
@@ -238,8 +299,8 @@ def _attempt(
     known = {entry.part for entry in level.unsolved}
     unsolved = (*level.unsolved, *(entry for entry in judge.refuted if entry.part not in known))
     return _Attempt(
-        found=found,
         first=first,
+        taken=replace(taken, apart={**products.apart, **taken.apart}),
         asked_without=refused,
         steps=steps,
         table=level.table,
@@ -402,18 +463,21 @@ def _plan(
     seed: int,
     clock: _Clock,
 ) -> AssemblyPlan:
-    steps = _with_fasteners(attempt.steps, orderer.fastenings)
+    steps = _with_fasteners(attempt.steps, orderer)
     draft = _draft(assembly, attempt.table, steps, attempt.unsolved)
     status: Literal["complete", "partial"] = "complete" if attempt.verified else "partial"
     with clock.stage("stability"):
-        held = replace(draft, status=status, hands=config.hands)
+        held = replace(
+            draft, status=status, hands=config.hands, products=_planned_products(assembly, steps, attempt.taken)
+        )
         held = hold_plan(held, bodies, config=config.stability, touching=orderer.touching)
         executable = verifier.check_holds(held)
         cost = orderer.cost(held)
         held = replace(held, notes=(*held.notes, *orderer.parted(held)))
     if config.explain_order and config.method == "cascade":
         with clock.stage("order"):
-            held = orderer.explain(held, attempt.found, attempt.asked_without)
+            taken = attempt.taken
+            held = orderer.explain(held, taken.found, attempt.asked_without, taken.groups)
     return replace(
         held,
         executable=executable,
@@ -425,15 +489,32 @@ def _plan(
     )
 
 
-def _with_fasteners(steps: Sequence[Step], fastenings: Mapping[str, Fastening]) -> tuple[Step, ...]:
-    """The steps, those of fasteners, inside subassemblies too, with what they are."""
+def _planned_products(assembly: Assembly, steps: Sequence[Step], taken: TakenApart) -> tuple[PlannedProduct, ...]:
+    """How each product of the tree was planned: apart where nothing says otherwise."""
+    benches = {step.subassembly.product for top in steps for step in top.all_steps if step.subassembly is not None}
+    groups = {group.name: group for group in taken.groups}
+    out = []
+    for product in assembly.products:
+        if (group := groups.get(product.name)) is not None:
+            planned: Literal["subassembly", "base"] = "subassembly" if product.name in benches else "base"
+            reason = f"without {few_words(group.later)}, put on later" if group.later else ""
+            out.append(PlannedProduct(name=product.name, parts=product.parts, planned=planned, reason=reason))
+        else:
+            reason = taken.apart.get(product.name, "products are not looked at here")
+            out.append(PlannedProduct(name=product.name, parts=product.parts, planned="apart", reason=reason))
+    return tuple(out)
+
+
+def _with_fasteners(steps: Sequence[Step], orderer: Orderer) -> tuple[Step, ...]:
+    """The steps, those of fasteners, inside subassemblies too, with what they are and what drives them."""
     out = []
     for step in steps:
         below = step.subassembly
         if below is not None:
-            step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, fastenings)))
-        elif step.part in fastenings:
-            step = replace(step, fastener=fastenings[step.part])
+            step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, orderer)))
+        elif step.part in orderer.fastenings:
+            tool = orderer.tool(step.part, step.fixed) if step.moves else None
+            step = replace(step, fastener=orderer.fastenings[step.part], tool=tool)
         out.append(step)
     return tuple(out)
 

@@ -143,6 +143,39 @@ class Fastening:
     """Parts that it is screwed into, or screwed onto: rigidly joined to it while both are in place."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ToolSpace:
+    """A piece of the space that a tool takes: a cylinder about a fastener's axis, or a sector of one."""
+
+    low: float
+    """Where it begins, from the fastener's point against its way in [m]."""
+    high: float
+    """Where it ends, with the fastener's way from the start until it is seated [m]."""
+    radius: float
+    """[m]"""
+    toward: tuple[float, float, float] | None = None
+    """Of a sector: unit, across the axis, its middle; None of a whole cylinder."""
+    angle: float | None = None
+    """Of a sector [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tool:
+    """What drives a fastener, and whether there is room for it."""
+
+    name: str
+    """In words: "hex key 4 mm"."""
+    kind: Literal["hex key", "wrench", "screwdriver"]
+    size: float | None
+    """Width of the key or of the hexagon [m]; None if it is not known."""
+    access: bool
+    """Whether its space is free of the parts that are in place at this step."""
+    reason: str | None
+    """What is in the way; None if nothing is."""
+    space: tuple[ToolSpace, ...]
+    """What it takes; of several ways to drive it, that with the fewest parts in the way."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
     """One part, or a subassembly as one body, brought from its resting pose to its assembled pose."""
@@ -177,17 +210,20 @@ class Step:
     """Where the product is turned over: parts that must be held on the new table until this step's part comes."""
     fastener: Fastening | None = None
     """What the part is, if it is a screw, bolt, nut or the like; None of any other part."""
+    tool: Tool | None = None
+    """What drives it, if it is a screw, bolt or nut with a drive."""
     alternatives: tuple[Alternative, ...] | None = None
     """What else could have come here, and why it did not; None where that was not asked."""
 
     def __repr__(self) -> str:
-        what = f"subassembly of {few_words(self.members)}" if self.moving else repr(self.part)
+        name = "" if self.product is None else f"{self.product}, "
+        what = f"{name}subassembly of {few_words(self.members)}" if self.moving else repr(self.part)
         return f"Step({what} onto {len(self.fixed)} parts, {len(self.motion.T_world_part)} poses, {self.moved_by})"
 
     @property
     def moved_by(self) -> str:
         """What grasps or pushes it, in a word."""
-        return "no contact" if self.contact is None else self.contact.kind
+        return "no grasp" if self.contact is None else self.contact.kind
 
     @property
     def all_steps(self) -> tuple[Step, ...]:
@@ -240,6 +276,11 @@ class Step:
         """All parts that this step brings."""
         return self.moving or (self.part,)
 
+    @property
+    def product(self) -> str | None:
+        """The product of the input's tree that it brings; None for any other subassembly, and for a part."""
+        return None if self.subassembly is None else self.subassembly.product
+
     def member_poses(
         self, name: str, assembled: Mapping[str, Float[np.ndarray, "4 4"]]
     ) -> Float[np.ndarray, "pose 4 4"]:
@@ -267,6 +308,21 @@ class Subassembly:
     table: Table | None
     fixture: Fixture | None = None
     """What holds its base above its table; None if that stands on it."""
+    product: str | None = None
+    """The product of the input's tree that it is; None where it moves as one because no part leaves alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannedProduct:
+    """A product of the input's tree, and how it is put together."""
+
+    name: str
+    parts: tuple[str, ...]
+    """All of its parts."""
+    planned: Literal["subassembly", "base", "apart"]
+    """On a bench of its own, and brought as one; first of all, where it stands; or part by part like all others."""
+    reason: str = ""
+    """Why it is not put together by itself, or which of its parts come later."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -345,6 +401,8 @@ class AssemblyPlan:
     """Assembly order, base part first; a subassembly by the name of one of its parts."""
     steps: tuple[Step, ...]
     """One for each name in ``order``."""
+    products: tuple[PlannedProduct, ...] = ()
+    """How the products of the input's tree were planned, the outer ones first; none where it has no tree."""
     unsolved: tuple[Unsolved, ...] = ()
     table: Table | None = None
     fixture: Fixture | None = None
@@ -388,6 +446,8 @@ class AssemblyPlan:
             f"motions {len(moving)}/{len(moving) + len(self.unsolved)}",
             f"contacts {sum(step.contact is not None for step in moving)}/{len(moving)}",
         ]
+        if blocked := sum(step.tool is not None and not step.tool.access for step in moving):
+            words.append(f"tools without room {blocked}")
         if self.executable is not None:
             below = [step.subassembly for step in self.all_steps if step.subassembly is not None]
             fixtures = [fixture for fixture in (self.fixture, *(each.fixture for each in below)) if fixture is not None]

@@ -17,9 +17,13 @@ from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.conditions.clauses import RemovalConditions
 from sashimono.disassembly.explanation.explain import ExplainConfig, Explanation, explain_part, explain_stuck
 from sashimono.errors import SashimonoError
+from sashimono.examination import Diagnosis, DoctorConfig, examine
 from sashimono.io.constraints_file import Wishes, wishes_to_toml
+from sashimono.io.raw import ReadConfig
+from sashimono.io.read import inspect_assembly
 from sashimono.outputs import replacing_together
 from sashimono.plan import AssemblyPlan
+from sashimono.revision import Revision, compare, read_side
 
 THOROUGH = 64
 """Sets of obstacles a part for which more than one translation is searched, unless a number is given."""
@@ -49,6 +53,38 @@ def find_conditions(
     """
     config = SeparateConfig(max_queries=thorough)
     return make_cascade(assembly, config=config, seed=seed).conditions(reachable_only=reachable_only)
+
+
+def doctor(
+    source: str | Path, *, unit: str | None = None, config: ReadConfig | None = None, limits: DoctorConfig | None = None
+) -> Diagnosis:
+    """Return what an input is like before it is planned; no motion is planned.
+
+    Size and unit, open and folded surfaces, overlaps with a guess at each, tiny clearances, parts that are hidden or
+    that nothing touches, and what planning will do with each part. `write_diagnosis` shows it in 3D. Raises InputError
+    where there is nothing to look at.
+
+    Args:
+        source: What `read_assembly` takes. Parts that cannot be closed are no error here.
+        unit: Of mesh files.
+        config: How parts are taken apart, and which are left out.
+        limits: When something is worth saying.
+    """
+    return examine(inspect_assembly(source, unit=unit, config=config), config=limits)
+
+
+def diff(old: str | Path, new: str | Path, *, unit: str | None = None) -> Revision:
+    """Return what changed between two revisions or plans, and whether the old plan still works.
+
+    Either is a plan.json or what `read_assembly` takes. Raises InputError or PlanFormatError for what cannot be read.
+
+    Args:
+        old: Before.
+        new: After.
+        unit: Of mesh files.
+    """
+    before = read_side(old, unit=unit)
+    return compare(before, read_side(new, unit=unit, like=before))
 
 
 def explain(

@@ -270,7 +270,9 @@ class TreePlanner:
                 moving=() if below is None else self._members(departures[name]),
                 subassembly=None
                 if below is None
-                else Subassembly(order=below.order, steps=below.steps, table=below.table),
+                else Subassembly(
+                    order=below.order, steps=below.steps, table=below.table, product=departures[name].product
+                ),
                 declared=_declared(self.assembly, departures.get(name), motions[name]),
                 table=turned.get(name),
             )

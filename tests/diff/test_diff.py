@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from solids import Manifold, box, rod
 
+import sashimono
 from sashimono.cli import BAD_INPUT, DIFFERS, NO_PLAN, OK, run
-from sashimono.diff import Revision, compare, read_side
-from sashimono.diff.carry_over import carry_over
+from sashimono.revision import Revision, compare, read_side
+from sashimono.revision.carry_over import carry_over
 from sashimono.verify import verify_plan
 
 
@@ -181,3 +182,13 @@ def test_carried_over_onto_itself_a_plan_is_the_same(planned: Path) -> None:
     for step, same in zip(side.plan.steps, carried.steps, strict=True):
         assert np.allclose(step.motion.T_world_part, same.motion.T_world_part, atol=1e-12)
     assert verify_plan(carried, side.assembly).ok
+
+
+def test_the_public_function_says_the_same_and_shows_itself_shortly(planned: Path, tmp_path: Path) -> None:
+    found = sashimono.diff(planned, planned)
+    assert found.same
+    assert repr(found) == "Revision(0 of 3 parts changed, the old plan works)"
+    less = {name: solid for name, solid in product().items() if name != "peg"}
+    changed = sashimono.diff(planned, write_folder(tmp_path / "less", **less))
+    assert repr(changed).startswith("Revision(1 of 3 parts changed, ")
+    assert "removed" in changed._repr_html_()

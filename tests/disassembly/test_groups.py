@@ -21,7 +21,7 @@ from sashimono.plan import Answer, AssemblyPlan, Contact, Step, Subassembly
 from sashimono.verify import VerifyReport, verify_plan
 from sashimono.view import write_glb, write_html
 from sashimono.view.config import ViewConfig
-from sashimono.view.explode import explosion_offsets
+from sashimono.view.explode import explode, explosion_offsets
 from sashimono.view.scene import make_scene
 
 PARTS = pair_in_pair()
@@ -249,7 +249,11 @@ def test_the_files_show_all_members(plan: AssemblyPlan, tmp_path: Path) -> None:
     assert shown == [(f"3.{k + 1}", PARTS.index(name)) for k, name in enumerate(inside.order)]
     assert all(row["solved"] for row in scene["parts"])
     offsets = explosion_offsets(plan, PARTS, ViewConfig())
-    np.testing.assert_array_equal(offsets["front"], offsets["back"])
+    # one pull brings both out, and one more draws them apart
+    found = explode(plan, PARTS, ViewConfig())
+    assert abs(len(found.pulls["front"]) - len(found.pulls["back"])) == 1
+    assert found.pulls["front"][-1] == found.pulls["back"][-1] or found.pulls["front"][0] is found.pulls["back"][0]
+    assert (offsets["front"] != offsets["back"]).any()
     assert write_html(plan, PARTS, tmp_path / "plan.html").stat().st_size > 0
     assert write_glb(plan, PARTS, tmp_path / "plan.glb").stat().st_size > 0
 

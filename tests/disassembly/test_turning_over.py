@@ -8,11 +8,11 @@ from itertools import product
 
 import numpy as np
 import pytest
+from sashimono.diff.carry_over import carry_over
+from sashimono.diff.parts import PartChange
 from solids import assembly, box, rod
 
 from sashimono.assembly import Assembly, Source
-from sashimono.diff.carry_over import carry_over
-from sashimono.diff.parts import PartChange
 from sashimono.disassembly.sequence.search_config import OrderSearchConfig
 from sashimono.errors import SashimonoError
 from sashimono.exports import step_table

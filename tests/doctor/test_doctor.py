@@ -13,8 +13,9 @@ import pytest
 from hardware import MM, cylinder, hexagon, plate, screw, threaded
 from solids import Manifold, box, rod
 
+import sashimono
 from sashimono.cli import BAD_INPUT, DIFFERS, OK, run
-from sashimono.doctor import Diagnosis, diagnosis_as_dict, diagnosis_lines, examine
+from sashimono.examination import Diagnosis, diagnosis_as_dict, diagnosis_lines, examine
 from sashimono.io.read import inspect_assembly
 
 
@@ -238,3 +239,15 @@ def test_the_page_shows_what_a_line_is_about(browser: Any, tmp_path: Path, capsy
     browser.screenshot()
     assert browser.errors == []
     assert all(url.startswith("file:") for url in browser.requests)
+
+
+def test_the_public_function_says_the_same_and_shows_itself_shortly(tmp_path: Path) -> None:
+    base = box((0.3, 0.1, 0.01), (0.0, 0.0, -0.005))
+    folder = write_folder(tmp_path / "in", base=base, sunk=box((0.02, 0.02, 0.02), (0.0, 0.0, 0.006)))
+    found = sashimono.doctor(folder, unit="mm")
+    assert diagnosis_as_dict(found) == diagnosis_as_dict(examine(inspect_assembly(folder, unit="mm")))
+    assert repr(found).startswith("Diagnosis(2 parts, 300 × 100 × ")
+    assert len(repr(found)) < 160
+    table = found._repr_html_()
+    assert table.count("<tr>") == 1 + len(found.findings)
+    assert sashimono.write_diagnosis(found, tmp_path / "page.html").stat().st_size > 0

@@ -32,7 +32,7 @@ def pins_and_bearing() -> list[Part]:
 )
 def test_solids_that_lie_apart_become_parts(split: Literal["auto", "all", "none"], names: list[str]) -> None:
     given = pins_and_bearing()
-    parts, notes = split_parts(given, config=ReadConfig(split=split))
+    parts, _, notes = split_parts(given, config=ReadConfig(split=split))
     assert [p.name for p in parts] == names
     assert len(notes) == 2
     before, after = (sum(measures.volume(p.vertices_part, p.faces) for p in parts_) for parts_ in (given, parts))

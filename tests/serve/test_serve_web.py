@@ -5,6 +5,7 @@ import time
 import pytest
 from serve_blocks import END, two_blocks
 
+from sashimono.serve import web
 from sashimono.serve.jobs import JobStore
 from sashimono.serve.limits import Limits
 from sashimono.serve.web import make_web
@@ -119,3 +120,27 @@ def test_the_page_needs_nothing_from_elsewhere(client):
     for name in ("page.css", "page.js"):
         assert client.get(f"/static/{name}").status_code == 200
     assert client.get("/static/..%2Fweb.py").status_code == 404
+
+
+def test_the_files_of_a_finished_job_are_listed_once(tmp_path, monkeypatch):
+    store = JobStore(tmp_path / "jobs")
+    store.new_folder("a" * 32).joinpath("x.step").write_bytes(b"x")
+    job = store.add("a" * 32, "x.step", {})
+    store.take()
+    asked = []
+    real = web.result_names
+    monkeypatch.setattr(web, "result_names", lambda out: asked.append(out) or real(out))
+    with TestClient(make_web(store, Limits(jobs=0), hosts=["testserver"])) as client:
+        assert client.get("/api/jobs").json()[0]["files"] == []
+        out = store.output_of(job.id)
+        out.mkdir()
+        (out / "plan.json").write_text("{}", encoding="utf-8")
+        store.take()
+        store.finish(job.id, "complete", "")
+        for _ in range(5):
+            assert client.get("/api/jobs").json()[0]["files"] == ["plan.json"]
+        assert client.get(f"/jobs/{job.id}/plan.json").status_code == 200
+        assert len(asked) == 2, "once while it had none, once when it had"
+        assert client.delete(f"/api/jobs/{job.id}").status_code == 200
+        assert client.get(f"/jobs/{job.id}/plan.json").status_code == 404
+    store.close()

@@ -20,13 +20,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from view_example import HOSTILE_NAMES, NAMES, box, paired_blocks, stacked_blocks
 
-from sashimono.assembly import Part
+from sashimono.assembly import Assembly, Part
 from sashimono.geometry import se3
-from sashimono.plan import Motion, Segment, Table
+from sashimono.plan import Motion, Segment, Step, Table
 from sashimono.view import ViewConfig, write_glb, write_html
 from sashimono.view.appearance import linear_rgb, srgb_hex
 from sashimono.view.display_mesh import make_display_mesh
-from sashimono.view.explode import explosion_offsets
+from sashimono.view.explode import explode, explosion_offsets
 from sashimono.view.glb import render_glb
 from sashimono.view.html import render_html
 from sashimono.view.keyframes import make_keyframes, rotation_between
@@ -189,6 +189,59 @@ def test_explosion_clears_every_part_and_keeps_the_base() -> None:
     bottoms = [part.bounds_world[:, 2] + offsets[part.name][2] for part in assembly.parts]
     for below, above in pairwise(bottoms):
         assert above[0] > below[1] + 1e-3
+
+
+def test_drawn_apart_parts_stay_on_the_axis_of_what_they_sit_on() -> None:
+    """A plate pushed on from the side, a pin from above through it into the base: the pin stays over its hole."""
+    vertices, faces = box((0.04, 0.04, 0.02))
+    thin, _ = box((0.005, 0.005, 0.06))
+    plan, _ = stacked_blocks()
+    sizes = {
+        "base": (vertices, (0.0, 0.0, 0.01)),
+        "plate": (vertices, (0.0, 0.0, 0.03)),
+        "pin": (thin, (0.0, 0.0, 0.05)),
+    }
+    parts = tuple(
+        Part(name=name, vertices_part=v, faces=faces, T_world_part=se3.make(translation=np.array(at)))
+        for name, (v, at) in sizes.items()
+    )
+    assembly = Assembly(parts=parts)
+
+    def way(part: Part, back: tuple[float, float, float]) -> Motion:
+        poses = np.array([se3.make(translation=np.array(back)) @ part.T_world_part, part.T_world_part])
+        return Motion(T_world_part=poses, segments=(Segment(kind="insertion", start=0, stop=1),))
+
+    steps = (
+        Step(part="base", fixed=(), motion=Motion(T_world_part=parts[0].T_world_part[None], segments=()), contact=None),
+        Step(part="plate", fixed=("base",), motion=way(parts[1], (0.2, 0.0, 0.0)), contact=None),
+        Step(part="pin", fixed=("base", "plate"), motion=way(parts[2], (0.0, 0.0, 0.2)), contact=None),
+    )
+    plan = replace(
+        plan, parts={part.name: part.T_world_part for part in parts}, order=assembly.names, steps=steps, unsolved=()
+    )
+    found = explode(plan, assembly, ViewConfig())
+    assert found.seats["plate"] == "base"
+    assert found.pulls["base"] == ()
+    seat = found.seats["pin"]
+    apart = found.offset("pin") - found.offset(seat)
+    np.testing.assert_allclose(apart[:2], 0.0, atol=1e-12)
+    # beyond the part it sits on, never below it
+    assert (parts[2].bounds_world[0] + found.offset("pin"))[2] > (
+        assembly.part(seat).bounds_world[1] + found.offset(seat)
+    )[2]
+    assert found.offset("plate")[0] > 0.04
+    assert [pull.turn for pull in found.pulls["pin"]] == sorted(pull.turn for pull in found.pulls["pin"])
+
+
+def test_a_subassembly_is_drawn_apart_in_itself_too() -> None:
+    plan, assembly = paired_blocks()
+    found = explode(plan, assembly, ViewConfig())
+    lower, upper = plan.steps[-1].members
+    assert found.seats[lower] == found.seats[lower] == plan.steps[1].part
+    group = found.pulls[lower]
+    assert found.pulls[upper][: len(group)] == group
+    assert (found.offset(upper) - found.offset(lower))[2] > 0.0
+    assert [pull.turn for pull in found.pulls[upper]] == [1, 4, 3]
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, np.pi - 1e-3))

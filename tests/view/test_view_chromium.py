@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
+import base64
 import io
 import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from chromium import open_browser
 from solids import peg_in_plate
 from view_example import HOSTILE_NAMES, paired_blocks, stacked_blocks
 
@@ -22,23 +22,9 @@ from sashimono.pipeline import plan_assembly
 from sashimono.view import write_html
 
 
-def _headless() -> ModuleType:
-    path = Path(__file__).resolve().parents[2] / "docs" / "headless_chromium.py"
-    spec = importlib.util.spec_from_file_location("headless_chromium", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    headless = _headless()
-    executable = headless.find_chromium()
-    if executable is None:
-        pytest.skip("no Chromium installed (Debian: apt-get install chromium)")
-    with headless.Page(executable, width=700, height=450) as page:
+    with open_browser(width=700, height=450) as page:
         yield page
 
 
@@ -220,6 +206,209 @@ def test_every_control_has_a_name_and_its_own_keys(complete: Any) -> None:
     complete.screenshot()
     assert complete.evaluate("document.querySelector('.play').getAttribute('aria-label')").startswith("Pause")
     complete.evaluate("sashimono.pause()")
+
+
+def top_of(page: Any, name: str, shift: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+    """Return where a place on the top of a block is in the window, ``shift`` [m] from its middle in its own frame."""
+    plan, _ = stacked_blocks()
+    at = se3.apply(plan.parts[name], np.array([[*shift, 0.01]]))[0]
+    x, y = page.evaluate(f"sashimono.pixelOf({at.tolist()})")
+    return x, y
+
+
+def test_a_section_cuts_and_closes_what_it_cuts(complete: Any) -> None:
+    complete.evaluate("sashimono.choose(null); sashimono.setTime(sashimono.duration)")
+    complete.evaluate("document.activeElement.blur()")
+    before = decode_png(complete.screenshot())
+    x, y = top_of(complete, "block_3")
+    assert complete.evaluate(f"sashimono.partAt({x}, {y})") == "block_3"
+    complete.press("s", "KeyS")
+    complete.press("z", "KeyZ")
+    section = complete.evaluate("sashimono.section")
+    assert (section["on"], section["axis"], section["parts"]) == (True, 2, 0), "between the second and the third block"
+    for _ in range(6):
+        complete.press(".", "Period")
+    section = complete.evaluate("sashimono.section")
+    assert section["share"] == pytest.approx(0.62)
+    assert section["parts"] == 1
+    assert complete.evaluate("document.querySelector('#cutter output').textContent") == "z = 49.60 mm"
+    # the camera stands above: the upper part is left out, and the cut is what is met there
+    at = np.array(complete.evaluate("sashimono.pixelOf([0, 0, 0.0496])")).astype(int)
+    assert complete.evaluate(f"sashimono.partAt({at[0]}, {at[1]})") == "block_2"
+    cut = decode_png(complete.screenshot())
+    patch = cut[at[1] - 8 : at[1] + 8, at[0] - 8 : at[0] + 8].astype(float)
+    assert patch.std() > 5.0, "a cut face is hatched"
+    assert (np.abs(cut.astype(int) - before.astype(int)).max(axis=2) > 30).mean() > 0.003
+    complete.press("v", "KeyV")
+    assert complete.evaluate("sashimono.section.keepUpper") is True
+    # by mouse
+    click_on(complete, "#cutter button:last-child")
+    assert complete.evaluate("sashimono.section.keepUpper") is False
+    click_on(complete, "#cutter input")
+    assert complete.evaluate("sashimono.section.share") == pytest.approx(0.5, abs=0.03)
+    click_on(complete, "#cutter button:first-child")
+    assert complete.evaluate("[sashimono.section.axis, sashimono.section.parts]") == [0, 4]
+    complete.press("s", "KeyS")
+    assert complete.evaluate("sashimono.section.on") is False
+    assert complete.evaluate("document.querySelector('#cutter').hidden") is True
+    assert complete.errors == []
+
+
+def click_on(page: Any, selector: str) -> None:
+    """Press a control in its middle."""
+    place = page.evaluate(
+        f"(() => {{ const box = document.querySelector({selector!r}).getBoundingClientRect();"
+        " return [box.left + box.width / 2, box.top + box.height / 2]; })()"
+    )
+    click(page, *place)
+    page.evaluate("document.activeElement.blur()")
+
+
+def test_two_picks_measure_distance_and_angle(complete: Any) -> None:
+    complete.evaluate(
+        "sashimono.choose(null); sashimono.setTime(sashimono.duration); sashimono.setView({measure: true})"
+    )
+    complete.evaluate("document.activeElement.blur()")
+
+    def pick(x: float, y: float) -> dict[str, str]:
+        return dict(complete.evaluate(f"sashimono.pick({x}, {y})"))
+
+    assert pick(*top_of(complete, "block_3")) == {"1. flat face": "block_3"}
+    # a corner of the lowest block's bottom is as far below as four blocks are high
+    plan, _ = stacked_blocks()
+    corners = [
+        se3.apply(plan.parts["block_0"], np.array([[x, y, -0.01]]))[0] for x in (-0.02, 0.02) for y in (-0.015, 0.015)
+    ]
+    seen = [complete.evaluate(f"sashimono.pixelOf({corner.tolist()})") for corner in corners]
+    x, y = max(seen, key=lambda at: at[1])
+    said = pick(x, y - 1.0)
+    assert said["2. corner"] == "block_0"
+    assert said["Shortest distance"].startswith("8"), said
+    # two picks on the sides of one block: its edges are as long as drawn, and at a right angle
+    said = pick(*top_of(complete, "block_3", (0.0195, 0.0)))
+    assert said == {"1. edge, 30 mm": "block_3"}
+    said = pick(*top_of(complete, "block_3", (0.0, 0.0145)))
+    assert said["2. edge, 40 mm"] == "block_3"
+    assert said["Angle"] == "90°"
+    assert said["Shortest distance"] == "0 mm"
+    said = dict(complete.evaluate(f"sashimono.pick(...{list(top_of(complete, 'block_3', (0.0195, 0.0)))})"))
+    said = pick(*top_of(complete, "block_3", (-0.0195, 0.0)))
+    assert said["Shortest distance"] == "40 mm"
+    assert said["Angle"] == "0°"
+    # time passes, parts move: what was picked holds no more
+    complete.evaluate("sashimono.setTime(sashimono.steps[3].start)")
+    assert complete.evaluate("document.querySelectorAll('#gauge dt').length") == 0
+    complete.evaluate("sashimono.setView({measure: false})")
+    assert complete.errors == []
+
+
+def test_measuring_by_keyboard_and_by_mouse(complete: Any) -> None:
+    complete.evaluate("sashimono.choose(null); sashimono.setTime(sashimono.duration)")
+    complete.evaluate("document.activeElement.blur()")
+    complete.press("m", "KeyM")
+    assert complete.evaluate("document.querySelector('#gauge').hidden") is False
+    complete.evaluate("document.querySelector('#stage canvas').focus()")
+    goal = top_of(complete, "block_3")
+    complete.press("Enter", "Enter")  # shows the cross, in the middle
+    for _ in range(120):
+        box = complete.evaluate(
+            "(() => { const box = document.querySelector('#aim').getBoundingClientRect();"
+            " return [box.left + box.width / 2, box.top + box.height / 2]; })()"
+        )
+        off = np.subtract(goal, box)
+        if np.abs(off).max() <= 4.0:
+            break
+        axis = int(np.abs(off).argmax())
+        key = (("ArrowLeft", "ArrowRight"), ("ArrowUp", "ArrowDown"))[axis][int(off[axis] > 0.0)]
+        complete.press(key, key)
+    complete.press("Enter", "Enter")
+    assert complete.evaluate("document.querySelector('#gauge dt').textContent") == "1. flat face"
+    click(complete, *top_of(complete, "block_3", (0.0195, 0.0)))
+    assert complete.evaluate("[...document.querySelectorAll('#gauge dt')].at(-1).textContent") == "Angle"
+    assert complete.evaluate("sashimono.chosen") is None, "a click measures, and chooses nothing"
+    complete.press("Escape", "Escape")
+    assert complete.evaluate("document.querySelectorAll('#gauge dt').length") == 0
+    complete.press("Escape", "Escape")
+    assert complete.evaluate("document.querySelector('#gauge').hidden") is True
+    assert complete.errors == []
+
+
+def test_parts_are_found_by_name(complete: Any) -> None:
+    complete.evaluate("sashimono.choose(null); document.activeElement.blur()")
+    complete.press("/", "Slash")
+    assert complete.evaluate("document.activeElement.type") == "search"
+    complete.send("Input.insertText", text="K_2")
+    assert complete.evaluate("sashimono.found") == ["block_2"]
+    shown = "[...document.querySelectorAll('#lists li')].filter((row) => !row.hidden).length"
+    assert complete.evaluate(shown) == 1
+    assert complete.evaluate("document.querySelector('#finder .note').textContent") == "1 of 4 parts"
+    complete.press("Enter", "Enter")
+    assert complete.evaluate("sashimono.chosen") == "block_2"
+    size = complete.evaluate("document.querySelector('#choice div > span').textContent")
+    vertices = stacked_blocks()[1].part("block_2").vertices_world
+    for word, edge in zip(size.split(" × "), np.ptp(vertices, axis=0), strict=True):
+        assert float(word.removesuffix(" mm")) == pytest.approx(1e3 * edge, rel=5e-3)
+    complete.press("Escape", "Escape")
+    assert complete.evaluate("document.querySelector('#finder input').value") == ""
+    assert complete.evaluate(shown) == 4
+    complete.evaluate("sashimono.find('nothing has this name')")
+    assert complete.evaluate("document.querySelector('#finder .note').textContent") == "0 of 4 parts"
+    complete.evaluate("sashimono.find(''); document.activeElement.blur(); sashimono.choose(null)")
+    assert complete.errors == []
+
+
+def test_the_view_is_turned_and_neared_by_keys(complete: Any) -> None:
+    complete.evaluate("document.activeElement.blur()")
+    complete.press("f", "KeyF")
+    place = "sashimono.pixelOf([0.02, 0, 0.08])"
+    start = np.array(complete.evaluate(place))
+    for kind in ("rawKeyDown", "keyUp"):
+        complete.send("Input.dispatchKeyEvent", type=kind, key="ArrowLeft", code="ArrowLeft", modifiers=8)
+    turned = np.array(complete.evaluate(place))
+    assert np.abs(turned - start).max() > 3.0
+    complete.press("+", "Equal")
+    assert np.abs(np.array(complete.evaluate(place)) - turned).max() > 3.0
+    complete.press("f", "KeyF")
+    assert complete.evaluate(place) == pytest.approx(list(start), abs=1e-6)
+    complete.press("e", "KeyE")
+    assert complete.evaluate("document.querySelector('#tools input').value") == "1"
+    complete.press("e", "KeyE")
+    assert complete.evaluate("document.querySelector('#tools input').value") == "0"
+    assert complete.errors == []
+
+
+def test_drawn_apart_the_last_parts_go_first(complete: Any) -> None:
+    complete.evaluate("sashimono.setTime(sashimono.duration)")
+
+    def lifted(amount: float) -> list[float]:
+        complete.evaluate(f"sashimono.setView({{explode: {amount}}})")
+        names = ("block_0", "block_1", "block_2", "block_3")
+        drawn = [np.array(complete.evaluate(f"sashimono.drawnPoseOf('{name}')")) for name in names]
+        planned = [np.array(complete.evaluate(f"sashimono.poseOf('{name}')")) for name in names]
+        return [float(a[2, 3] - b[2, 3]) for a, b in zip(drawn, planned, strict=True)]
+
+    early = lifted(0.2)
+    assert early[:3] == [0.0, 0.0, 0.0]
+    assert early[3] > 0.001
+    whole = lifted(1.0)
+    assert whole[0] == 0.0
+    assert whole[1] < whole[2] < whole[3]
+    complete.evaluate("sashimono.setView({explode: 0})")
+
+
+def test_paper_gets_the_picture_and_every_step_in_full(complete: Any) -> None:
+    complete.evaluate("sashimono.setTime(sashimono.duration)")
+    pdf = base64.b64decode(complete.send("Page.printToPDF")["data"])
+    assert pdf.startswith(b"%PDF")
+    picture = complete.evaluate("document.querySelector('#printed').toDataURL()")
+    assert decode_png(base64.b64decode(picture.split(",")[1])).std() > 3.0
+    complete.send("Emulation.setEmulatedMedia", media="print")
+    try:
+        shown = "[...document.querySelectorAll({})].map((node) => getComputedStyle(node).display !== 'none')".format
+        assert complete.evaluate(shown("'#tools, #bar, #stage > canvas:first-child'")) == [False] * 3
+        assert all(complete.evaluate(shown("'#printed, .row, .more.when-current'")))
+    finally:
+        complete.send("Emulation.setEmulatedMedia", media="")
 
 
 def test_following_looks_at_each_step(complete: Any) -> None:

@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Float
 from manifold3d import Manifold
 
-from sashimono.assembly import Overlap, Part, size_words
+from sashimono.assembly import Overlap, Part, StandIn, size_words
 from sashimono.errors import InputError
 from sashimono.geometry.mesh.solid import to_manifold
 from sashimono.io.mending.folds import count_folded
 from sashimono.io.mending.mend import Surface, close_surface
+from sashimono.io.mending.stand_in import ClosedBody, stand_in
 from sashimono.io.raw import METRES, RawPart, ReadConfig
 
 
@@ -37,11 +38,13 @@ class ClosedParts:
     """How many triangles at least lie back to back with a neighbour, by name of the part."""
     broken: tuple[BrokenPart, ...]
     """Those that cannot be closed."""
+    stand_ins: tuple[StandIn, ...] = ()
+    """What is in the place of those that cannot be closed, where that is wanted and there is such a body."""
 
     @property
     def notes(self) -> list[str]:
         """One line for each part that was mended, and one for each that is folded."""
-        lines = []
+        lines = [entry.words for entry in self.stand_ins]
         for part in self.parts:
             if part.name in self.mended:
                 lines.append(f"{part.name}: {', '.join(self.mended[part.name])}")
@@ -69,12 +72,20 @@ def close_parts(raw: Sequence[RawPart], *, repair: bool, config: ReadConfig) -> 
     mended: dict[str, tuple[str, ...]] = {}
     folds: dict[str, int] = {}
     broken: list[BrokenPart] = []
+    bodies: dict[tuple[int | None, int], ClosedBody | None] = {}
+    stand_ins: list[StandIn] = []
     for part in raw:
         result = done.get(part.shape) if part.shape is not None else None
         if result is None:
             result = close_surface(part.vertices, part.faces, repair=repair, config=config)
             if part.shape is not None:
                 done[part.shape] = result
+        if isinstance(result, str) and config.stand_ins:
+            if (key := (part.shape, id(part) if part.shape is None else 0)) not in bodies:
+                bodies[key] = stand_in(part.vertices, part.faces, config=config)
+            if (body := bodies[key]) is not None:
+                stand_ins.append(StandIn(part=part.name, problem=result, how=body.how, off=body.off))
+                result = body.surface
         if isinstance(result, str):
             broken.append(BrokenPart(raw=part, problem=result))
             continue
@@ -86,7 +97,9 @@ def close_parts(raw: Sequence[RawPart], *, repair: bool, config: ReadConfig) -> 
             mended[part.name] = result.mended
         if (folded := count_folded(result.vertices, result.faces, config=config)) > 0:
             folds[part.name] = folded
-    return ClosedParts(parts=tuple(parts), mended=mended, folded=folds, broken=tuple(broken))
+    return ClosedParts(
+        parts=tuple(parts), mended=mended, folded=folds, broken=tuple(broken), stand_ins=tuple(stand_ins)
+    )
 
 
 def _refusal(broken: list[tuple[RawPart, str]], source: str, repair: bool) -> str:

@@ -27,6 +27,10 @@ class Wishes:
     """Groups of parts that are placed one after the other."""
     exclude: tuple[str, ...] = ()
     """Parts that are left out."""
+    keep: tuple[str, ...] = ()
+    """Products that stay one part each."""
+    flat: bool = False
+    """Whether the product tree is not looked at."""
 
     def __post_init__(self) -> None:
         if self.up is not None and not (all(math.isfinite(x) for x in self.up) and math.hypot(*self.up) > 1e-6):
@@ -40,11 +44,13 @@ class Wishes:
             before=tuple(dict.fromkeys((*self.before, *more.before))),
             together=tuple(dict.fromkeys((*self.together, *more.together))),
             exclude=tuple(dict.fromkeys((*self.exclude, *more.exclude))),
+            keep=tuple(dict.fromkeys((*self.keep, *more.keep))),
+            flat=self.flat or more.flat,
         )
 
 
 def read_wishes(path: str | Path) -> Wishes:
-    """Return the wishes in a TOML file with any of ``base``, ``up``, ``before``, ``together`` and ``exclude``.
+    """Return the wishes in a TOML file, whose fields are those of `Wishes`, any of them.
 
     InputError, naming file and field, for anything else.
     """
@@ -53,18 +59,23 @@ def read_wishes(path: str | Path) -> Wishes:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
-    known = ("base", "up", "before", "together", "exclude")
+    known = ("base", "up", "before", "together", "exclude", "keep", "flat")
     if unknown := sorted(set(document) - set(known)):
         raise InputError(f"{path}: {unknown[0]} is not known. It may have {', '.join(known)}.")
     base = document.get("base")
     if base is not None and not isinstance(base, str):
         raise InputError(f"{path}: base is no name of a part.")
+    flat = document.get("flat", False)
+    if not isinstance(flat, bool):
+        raise InputError(f"{path}: flat is neither true nor false.")
     return Wishes(
         base=base,
         up=_up(document, path),
         before=_before(document, path),
         together=_together(document, path),
-        exclude=_names(document, path),
+        exclude=_names(document, path, "exclude"),
+        keep=_names(document, path, "keep"),
+        flat=flat,
     )
 
 
@@ -97,10 +108,10 @@ def _together(document: Mapping[str, Any], path: Path) -> tuple[tuple[str, ...],
     return tuple(tuple(group) for group in value)
 
 
-def _names(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
-    value = document.get("exclude", [])
+def _names(document: Mapping[str, Any], path: Path, field: str) -> tuple[str, ...]:
+    value = document.get(field, [])
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise InputError(f"{path}: exclude is no list of names.")
+        raise InputError(f"{path}: {field} is no list of names.")
     return tuple(value)
 
 
@@ -117,6 +128,8 @@ def wishes_to_toml(wishes: Wishes) -> str:
     groups = "".join(f"    {quoted(list(group))},\n" for group in wishes.together)
     together = f"together = [\n{groups}]" if wishes.together else '# together = [["gear*", "shaft"]]'
     exclude = f"exclude = {quoted(list(wishes.exclude))}" if wishes.exclude else '# exclude = ["cable*"]'
+    keep = f"keep = {quoted(list(wishes.keep))}" if wishes.keep else '# keep = ["motor*"]'
+    flat = "flat = true" if wishes.flat else "# flat = true"
     return (
         "# What you decide about the plan: change it, then plan again with --constraints.\n"
         f"# the part that everything is put on\n{base}\n"
@@ -124,4 +137,6 @@ def wishes_to_toml(wishes: Wishes) -> str:
         f"# pairs: the first is placed before the second; patterns stand for all that match\n{before}\n"
         f"# groups whose parts are placed one after the other\n{together}\n"
         f"# parts that are left out\n{exclude}\n"
+        f"# products of the file's tree that stay one part each\n{keep}\n"
+        f"# all parts side by side, whatever the product tree says\n{flat}\n"
     )

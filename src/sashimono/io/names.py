@@ -11,6 +11,11 @@ _MEANINGLESS = re.compile(
 )
 
 
+def says_nothing(name: str) -> bool:
+    """Return whether a name says nothing of the thing: empty, a converter's number, or "SOLID"."""
+    return _MEANINGLESS.fullmatch(name.strip()) is not None
+
+
 def choose_name(candidates: Sequence[str]) -> str:
     """Return the first name that says something; "part" if none does. A converter's number or "SOLID" says nothing."""
     for name in candidates:

@@ -25,7 +25,12 @@ def read_plan_input(plan: AssemblyPlan, plan_path: str | Path, input_path: str |
     found = [path for path in candidates if path.exists()]
     if not found:
         raise InputError(f"{plan_path}: its input {stated} is not there. Name it with --input.")
-    options = ReadConfig(split=plan.source.split, exclude=tuple(map(glob.escape, plan.source.excluded)))
+    options = ReadConfig(
+        split=plan.source.split,
+        exclude=tuple(map(glob.escape, plan.source.excluded)),
+        kept=plan.source.kept,
+        stand_ins=bool(plan.source.stand_ins),
+    )
     assemblies = (read_assembly(path, unit=plan.source.unit, config=options) for path in found)
     return _matching(assemblies, plan.source.sha256)
 

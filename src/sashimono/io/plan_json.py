@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sashimono.assembly import Overlap, Source
+from sashimono.assembly import Kept, Overlap, Product, Source, StandIn
 from sashimono.errors import PlanFormatError
 from sashimono.files import atomic_write
 from sashimono.io.plan_schema import first_violation
@@ -25,10 +25,13 @@ from sashimono.plan import (
     Motion,
     MotionClass,
     OrderCost,
+    PlannedProduct,
     Segment,
     Step,
     Subassembly,
     Table,
+    Tool,
+    ToolSpace,
     Unsolved,
 )
 
@@ -97,11 +100,13 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
             "unit": plan.source.unit,
             "split": plan.source.split,
             **({"excluded": plan.source.excluded} if plan.source.excluded else {}),
+            **_tree_document(plan.source),
         },
         "interpolation": "geodesic",
         "table": _table_document(plan.table),
         **_executable_document(plan),
         "parts": [{"name": name, "T_world_part": T} for name, T in plan.parts.items()],
+        **({"products": [_product_document(entry) for entry in plan.products]} if plan.products else {}),
         "order": plan.order,
         "steps": [_step_document(step) for step in plan.steps],
         "unsolved": [_unsolved_document(entry) for entry in plan.unsolved],
@@ -117,6 +122,21 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
     }
 
 
+def _tree_document(source: Source) -> dict[str, Any]:
+    """The product tree of the file, where it has one, and what was kept together of it."""
+    out: dict[str, Any] = {}
+    if source.products:
+        out["products"] = [{"name": product.name, "parts": product.parts} for product in source.products]
+    if source.kept:
+        out["kept"] = [{"product": entry.product, "reason": entry.reason} for entry in source.kept]
+    if source.stand_ins:
+        out["stand_ins"] = [
+            {"part": entry.part, "problem": entry.problem, "how": entry.how, "off": entry.off}
+            for entry in source.stand_ins
+        ]
+    return out
+
+
 def _executable_document(plan: AssemblyPlan) -> dict[str, Any]:
     """What was found of support and gravity, as far as these were looked at."""
     out: dict[str, Any] = {"hands": plan.hands}
@@ -126,6 +146,13 @@ def _executable_document(plan: AssemblyPlan) -> dict[str, Any]:
         out["executable"] = plan.executable
     if plan.cost is not None:
         out["cost"] = {"total": plan.cost.total, "terms": plan.cost.terms, "weights": plan.cost.weights}
+    return out
+
+
+def _product_document(entry: PlannedProduct) -> dict[str, Any]:
+    out: dict[str, Any] = {"name": entry.name, "parts": entry.parts, "planned": entry.planned}
+    if entry.reason:
+        out["reason"] = entry.reason
     return out
 
 
@@ -187,6 +214,9 @@ def _step_document(step: Step) -> dict[str, Any]:
     if step.fastener is not None:
         fastener = step.fastener
         out["fastener"] = {name: getattr(fastener, name) for name in ("kind", "size", "axis", "point", "joins")}
+    if step.tool is not None:
+        out["tool"] = _tool_document(step.tool)
+        out["tool_access"] = step.tool.access
     if step.alternatives is not None:
         out["alternatives"] = [_alternative_document(entry) for entry in step.alternatives]
     if step.moving:
@@ -194,6 +224,7 @@ def _step_document(step: Step) -> dict[str, Any]:
     if step.subassembly is not None:
         inside = step.subassembly
         out["subassembly"] = {
+            **({} if inside.product is None else {"product": inside.product}),
             "order": inside.order,
             "table": _table_document(inside.table),
             "steps": [_step_document(inner) for inner in inside.steps],
@@ -201,6 +232,17 @@ def _step_document(step: Step) -> dict[str, Any]:
         if inside.fixture is not None:
             out["subassembly"]["fixture"] = _fixture_document(inside.fixture)
     return out
+
+
+def _tool_document(tool: Tool) -> dict[str, Any]:
+    out: dict[str, Any] = {"name": tool.name, "kind": tool.kind, "size": tool.size, "reason": tool.reason}
+    space = []
+    for piece in tool.space:
+        entry: dict[str, Any] = {"low": piece.low, "high": piece.high, "radius": piece.radius}
+        if piece.toward is not None:
+            entry |= {"toward": piece.toward, "angle": piece.angle}
+        space.append(entry)
+    return {**out, "space": space}
 
 
 def _declared_document(declared: DeclaredHelix) -> dict[str, Any]:
@@ -296,8 +338,20 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
             unit=source["unit"],
             split=source.get("split", "none"),
             excluded=tuple(source.get("excluded", ())),
+            products=_each(source.get("products", ()), lambda p: Product(name=p["name"], parts=tuple(p["parts"]))),
+            stand_ins=_each(
+                source.get("stand_ins", ()),
+                lambda s: StandIn(part=s["part"], problem=s["problem"], how=s["how"], off=float(s["off"])),
+            ),
+            kept=_each(source.get("kept", ()), lambda k: Kept(product=k["product"], reason=k["reason"])),
         ),
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
+        products=_each(
+            document.get("products", ()),
+            lambda p: PlannedProduct(
+                name=p["name"], parts=tuple(p["parts"]), planned=p["planned"], reason=p.get("reason", "")
+            ),
+        ),
         order=tuple(document["order"]),
         steps=tuple(_step(step) for step in document["steps"]),
         unsolved=_each(document["unsolved"], _unsolved),
@@ -346,6 +400,7 @@ def _step(step: Mapping[str, Any]) -> Step:
         table=_turned(step),
         held_before=tuple(step.get("held_before", ())),
         fastener=_fastening(step.get("fastener")),
+        tool=_tool(step.get("tool"), access=step.get("tool_access", False)),
         alternatives=None
         if step.get("alternatives") is None
         else _each(
@@ -376,12 +431,35 @@ def _fastening(fastener: Mapping[str, Any] | None) -> Fastening | None:
     )
 
 
+def _tool(tool: Mapping[str, Any] | None, *, access: bool) -> Tool | None:
+    if tool is None:
+        return None
+    return Tool(
+        name=tool["name"],
+        kind=tool["kind"],
+        size=tool["size"],
+        access=access,
+        reason=tool["reason"],
+        space=_each(
+            tool["space"],
+            lambda piece: ToolSpace(
+                low=float(piece["low"]),
+                high=float(piece["high"]),
+                radius=float(piece["radius"]),
+                toward=None if piece.get("toward") is None else tuple(map(float, piece["toward"])),
+                angle=None if piece.get("angle") is None else float(piece["angle"]),
+            ),
+        ),
+    )
+
+
 def _cost(cost: Mapping[str, Any] | None) -> OrderCost | None:
     return None if cost is None else OrderCost(total=cost["total"], terms=cost["terms"], weights=cost["weights"])
 
 
 def _subassembly(inside: Mapping[str, Any]) -> Subassembly:
     return Subassembly(
+        product=inside.get("product"),
         order=tuple(inside["order"]),
         steps=tuple(_step(step) for step in inside["steps"]),
         table=_table(inside["table"]),

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
+from sashimono.assembly import Kept
 from sashimono.errors import InputError
 
 METRES: Mapping[str, float] = {
@@ -39,6 +40,11 @@ class ReadConfig:
     them together (auto); all; or none."""
     exclude: tuple[str, ...] = ()
     """Names of parts that are left out, or patterns of names (``cable*``)."""
+    stand_ins: bool = False
+    """Whether a part whose surface cannot be closed is replaced by a closed body that contains it; else it is refused.
+    """
+    kept: tuple[Kept, ...] = ()
+    """Products of the file's tree that become one part each."""
     weld: float = 1e-5
     """Where a surface is not closed, vertices nearer than this are welded; relative to the part's diagonal."""
     hole_area: float = 0.02
@@ -63,6 +69,16 @@ class ReadConfig:
     """Files of more parts are refused: planning them together would take hours."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Occurrence:
+    """One use of a product in the file's tree."""
+
+    number: int
+    """Different for each use."""
+    name: str
+    """As the file has it, perhaps empty or not unique."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawPart:
     """One part as its file has it, in metres, not yet checked."""
@@ -79,6 +95,8 @@ class RawPart:
     """Linear RGB in [0, 1]."""
     shape: int | None = None
     """Parts with the same number are instances of one mesh in the file."""
+    products: tuple[Occurrence, ...] = ()
+    """The products around it in the file's tree, the outermost first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,9 +19,11 @@ from sashimono.io.formats.folders import read_folder
 from sashimono.io.formats.fusion360 import ASSEMBLY_FILE, read_fusion360
 from sashimono.io.formats.scenes import read_3mf_scene, read_gltf_scene
 from sashimono.io.formats.step import read_step
+from sashimono.io.kept import keep_together
 from sashimono.io.mending.split import split_parts
 from sashimono.io.names import unique_names
 from sashimono.io.raw import METRES, RawAssembly, RawPart, ReadConfig, refuse_many
+from sashimono.io.tree import find_products
 from sashimono.selection import matching
 
 SCENE_SUFFIXES = (".step", ".stp", ".glb", ".gltf", ".3mf")
@@ -96,21 +98,33 @@ def _read(path: str | Path, unit: str | None, repair: bool, config: ReadConfig, 
     closed = close_parts(raw_parts, repair=repair, config=config)
     if refuse_broken:
         closed.refuse_broken(str(path), repair=repair)
-    parts, kept_notes = split_parts(closed.parts, config=config)
+    parts, origins, kept_notes = split_parts(
+        closed.parts, config=config, whole={entry.part for entry in closed.stand_ins}
+    )
     names = [part.name for part in parts]
     broken = [(_as_it_is(each), each.problem) for each in closed.broken]
     notes += [*split_notes, *closed.notes, *kept_notes]
     notes += size_note([*parts, *(part for part, _ in broken)], raw.unit, config, stated=raw.unit_stated)
     same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
+    above = {part.name: part.products for part in raw_parts}
+    products = find_products({name: above[origin] for name, origin in zip(names, origins, strict=True)})
     assembly = Assembly(
         parts=tuple(parts),
         source=Source(
-            path=str(path), sha256=_digest(raw.files, path), unit=raw.unit, split=config.split, excluded=excluded
+            path=str(path),
+            sha256=_digest(raw.files, path),
+            unit=raw.unit,
+            split=config.split,
+            excluded=excluded,
+            products=products,
+            stand_ins=closed.stand_ins,
         ),
-        overlaps=find_overlaps(parts, config),
+        overlaps=() if config.kept else find_overlaps(parts, config),
         identical=tuple(tuple(names[k] for k in members) for members in same),
         notes=tuple(notes),
+        products=products,
     )
+    assembly = keep_together(assembly, config.kept, config=config)
     return Inspection(
         assembly=assembly,
         broken=tuple(broken),

@@ -93,6 +93,8 @@ def _refuse(_: Request, error: Exception) -> Response:
 class _Site:
     def __init__(self, store: JobStore, workers: Workers, limits: Limits) -> None:
         self._store, self._workers, self._limits = store, workers, limits
+        self._names: dict[str, list[str]] = {}
+        """Files of jobs that have some. They come all at once, and stay as they are."""
 
     async def page(self, _: Request) -> Response:
         return _own("page.html")
@@ -147,6 +149,7 @@ class _Site:
             self._workers.cancel(found.id)
         else:
             self._store.remove(found.id)
+            self._names.pop(found.id, None)
         return self._answer({"id": found.id})
 
     async def constraints(self, request: Request) -> Response:
@@ -165,11 +168,10 @@ class _Site:
         from starlette.responses import FileResponse
 
         found = self._store.find(request.path_params["job"])
-        out = None if found is None else self._store.output_of(found.id)
         name = request.path_params["name"]
-        if out is None or name not in result_names(out):
+        if found is None or name not in self._files_of(found.id):
             return _missing()
-        path = out / name
+        path = self._store.output_of(found.id) / name
         kind = {".glb": "model/gltf-binary"}.get(path.suffix) or mimetypes.guess_type(path.name)[0]
         headers = {"Content-Security-Policy": RESULT, "X-Content-Type-Options": "nosniff"}
         return FileResponse(path, media_type=kind or "application/octet-stream", headers=headers)
@@ -183,7 +185,16 @@ class _Site:
             raise InputError(f"{self._limits.waiting} jobs wait already. Try again later.")
 
     def _shown(self, job: Job) -> dict[str, Any]:
-        return {**job.as_dict(), "files": result_names(self._store.output_of(job.id))}
+        return {**job.as_dict(), "files": self._files_of(job.id)}
+
+    def _files_of(self, job: str) -> list[str]:
+        """Return the files that a job made, looked up once: the page asks for all jobs every second."""
+        if job not in self._names:
+            found = result_names(self._store.output_of(job))
+            if not found:
+                return []
+            self._names[job] = found
+        return self._names[job]
 
     def _answer(self, value: Any, status: int = 200) -> Response:
         from starlette.responses import JSONResponse

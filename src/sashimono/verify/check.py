@@ -26,6 +26,7 @@ from sashimono.verify.report import StepReport, VerifyReport
 from sashimono.verify.resting import resting_problems
 from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
 from sashimono.verify.sweep import HalfSpace, Screws
+from sashimono.verify.tool import tool_problems
 from sashimono.verify.turning import stretch_after, tables_of, turn_problems
 
 
@@ -107,7 +108,8 @@ def _with_holds(
     for step, report, found in zip(plan.steps, reports, placed.hold_problems(plan.steps, table, fixture), strict=True):
         below = step.subassembly
         inside = () if below is None else _with_holds(below, report.inside, below.table, below.fixture, placed, site)
-        out.append(replace(report, hold_problems=found, inside=inside))
+        tools = tool_problems(step, site.bodies, site.overlaps.poses)
+        out.append(replace(report, hold_problems=(*found, *tools), inside=inside))
     return tuple(out)
 
 
@@ -233,7 +235,7 @@ def _check_step(index: int, step: Step, later: Sequence[Step], table: Table | No
         contact_wrong, remarks = contact_problems(step, body, _surroundings(step, later, table, site), config)
         notes += remarks
     elif index > 0:
-        notes.append(f"no contact: {step.contact_reason or 'no reason given'}")
+        notes.append(f"no grasp: {step.contact_reason or 'no reason given'}")
     met = [finding for finding in findings if finding.depth > 0.0]
     worst = max(met, key=lambda finding: finding.depth / finding.allowed, default=None)
     return StepReport(

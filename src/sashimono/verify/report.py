@@ -17,7 +17,8 @@ class StepReport:
     contact_problems: tuple[str, ...] = ()
     """Reasons to refuse its contact."""
     hold_problems: tuple[str, ...] = ()
-    """What falls or tips though nobody holds it, and hands that were miscounted. The motion holds all the same."""
+    """What falls or tips though nobody holds it, hands that were miscounted, and tools without the room that they are
+    said to have. The motion holds all the same."""
     notes: tuple[str, ...] = ()
     """What could not be checked or is worth knowing, though no reason to refuse."""
     max_penetration: float = 0.0

@@ -22,6 +22,10 @@ def plan_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) 
         notes.append("the assembly was not read from a file: no hash to compare")
     elif assembly.source.sha256 != plan.source.sha256:
         problems.append("the geometry is not the one that was planned: its sha256 differs from source.sha256")
+    stand_ins = () if assembly.source is None else assembly.source.stand_ins
+    notes += [f"{entry.part!r} is checked by a closed stand-in: its surface is not closed" for entry in stand_ins]
+    stated = {entry.part for entry in plan.source.stand_ins}
+    problems += [f"{e.part!r} is not closed, and the plan does not say so" for e in stand_ins if e.part not in stated]
     problems += _part_problems(plan, assembly, config)
     problems += _order_problems(plan, assembly)
     problems += [*_table_problems(plan.table), *_turn_problems(plan.steps, plan.table)]

@@ -9,7 +9,7 @@ So nothing is jumped between poses, however thin; between samples, the spacing i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
@@ -20,6 +20,7 @@ from numba import njit
 
 from sashimono.geometry import se3
 from sashimono.verify.body import BallTree
+from sashimono.verify.helices import Helices, find_helices, laid_together
 
 Ease = Callable[[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]], Float[np.ndarray, "n"]]
 """Given the balls' nodes, their centres in the target's frame and their signed distances: the distances that count.
@@ -27,6 +28,8 @@ These, too, must not change by more than a point travels."""
 
 _CHUNK = 40_000
 _MAX_PIECES = 16
+_CELL = 0.125
+"""Side of the cells in which helices count as one, over the limit."""
 _NO_ROTATION = 1e-8
 
 
@@ -113,7 +116,7 @@ class Screws:
     def until(self, time: float) -> Screws:
         """Return the path from its start to this time, in stretches."""
         whole = min(int(time), len(self.angle) - 1)
-        rows = {field.name: np.array(getattr(self, field.name)[: whole + 1]) for field in fields(self)}
+        rows = {entry.name: np.array(getattr(self, entry.name)[: whole + 1]) for entry in fields(self)}
         rows["angle"][whole] *= time - whole
         rows["shift"][whole] *= time - whole
         return Screws(**rows)
@@ -128,6 +131,17 @@ class Screws:
         corners = np.vstack([np.zeros(3), np.eye(3)])
         moved, _ = self.locate(corners, np.zeros(4), np.full(4, stretch), np.full(4, u))
         return se3.make((moved[1:] - moved[0]).T, moved[0])
+
+    def helices(self, size: float) -> Helices | None:
+        """Return the threads that the path follows, in the target's frame; None if it follows none.
+
+        Args:
+            size: Of what moves [m].
+        """
+        rotation = self.after[:, :3, :3]
+        axis = np.einsum("nij,nj->ni", rotation, self.axis)
+        point = np.einsum("nij,nj->ni", rotation, self.point) + self.after[:, :3, 3]
+        return find_helices(axis, point, self.angle, np.einsum("nij,nj->ni", rotation, self.shift), size)
 
     def swept_boxes(
         self, center: Float[np.ndarray, "3"], radius: float
@@ -265,28 +279,128 @@ def sweep(
     stretches = np.arange(len(path.angle))
     still = not (path.angle.any() or path.shift.any())
     start = np.full(len(stretches), 0.0 if still else 0.5)
-    stack = [_Items(node=np.full(len(stretches), tree.root), stretch=stretches, u=start, half=start.copy())]
-    depth, at, beyond, queries, near = -np.inf, 0.0, -np.inf, 0, []
-    while stack:
-        items = stack.pop()
-        if len(items.node) > _CHUNK:
-            stack.append(items.take(np.arange(_CHUNK, len(items.node))))
-            items = items.take(np.arange(_CHUNK))
-        queries += len(items.node)
-        open_, s, travel, raw = _look(tree, target, path, items, limit, ease)
-        leaf = tree.first_child[open_.node] < 0
-        if leaf.any():
-            deepest = int(np.argmin(np.where(leaf, s, np.inf)))
-            if -s[deepest] > beyond:
-                beyond, at = float(-s[deepest]), float(open_.stretch[deepest] + open_.u[deepest])
-            depth = max(depth, float(-np.where(leaf, raw, np.inf).min())) if beyond <= limit else float(-raw[deepest])
-            near.append(np.unique(np.round((open_.stretch + open_.u)[leaf], 3)))
-        if beyond > limit or queries > max_queries:
-            break
-        stack.extend(_cut(tree, open_, s, travel, leaf, limit, (resolution, coarse)))
-    else:
-        return Sweep(holds=True, exhausted=False, depth=depth, at=at, queries=queries, near=_sorted(near))
-    return Sweep(holds=False, exhausted=beyond <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
+    whole = _Items(node=np.full(len(stretches), tree.root), stretch=stretches, u=start, half=start.copy())
+    search = _Search(tree, target, path, limit, (resolution, coarse), max_queries, ease)
+    helices = path.helices(2.0 * float(tree.radii[tree.root])) if ease is None else None
+    if helices is None:
+        return search.run([whole])
+    found = search.run([whole], aside=helices)
+    if not found.holds or not search.aside:
+        return found
+    threads = _follow(helices, search.aside, tree, target, path, limit, resolution, max_queries - found.queries)
+    if not threads.holds and not threads.exhausted:
+        # no sample itself was so deep: without a helix that stands for several, it may hold
+        threads = search.run(search.aside, queries=found.queries + threads.queries)
+        return replace(threads, depth=max(found.depth, threads.depth), near=np.union1d(found.near, threads.near))
+    return replace(
+        threads,
+        depth=max(found.depth, threads.depth),
+        at=found.at,
+        queries=found.queries + threads.queries,
+        near=found.near,
+    )
+
+
+def _follow(
+    helices: Helices,
+    aside: list[_Items],
+    tree: BallTree,
+    target: Target,
+    path: Screws,
+    limit: float,
+    resolution: float,
+    max_queries: int,
+) -> Sweep:
+    """Sweep the helices that the samples set aside follow, each once."""
+    cell = _CELL * limit
+    queries, depth = 0, -np.inf
+    for run in range(len(helices.pitch)):
+        own = [items.take(np.flatnonzero(helices.run[items.stretch] == run)) for items in aside]
+        items = _Items(**{name: np.concatenate([getattr(each, name) for each in own]) for name in vars(own[0])})
+        if not len(items.node):
+            continue
+        points, _ = path.locate_balls(tree, items)
+        helix, middle = helices.invariants(run, points)
+        reach = np.abs(helices.turn[items.stretch]) * items.half
+        helix, low, high = laid_together(helix, middle - reach, middle + reach, cell)
+        starts = helices.points(run, helix, low)
+        axis = helices.T_axis_target[run][2, :3]
+        turn = high - low
+        # one stretch for each helix, as a path of its own
+        screws = Screws(
+            before=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
+            after=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
+            axis=np.tile(axis, (len(turn), 1)),
+            point=np.tile(se3.inverse(helices.T_axis_target[run])[:3, 3], (len(turn), 1)),
+            angle=turn,
+            shift=(helices.pitch[run] * turn)[:, None] * axis,
+        )
+        count = np.arange(len(turn))
+        leaves = BallTree(
+            centers=starts,
+            radii=np.zeros(len(turn)),
+            first_child=np.full(len(turn), -1),
+            child_count=np.zeros(len(turn), np.int64),
+            between=np.zeros(len(turn), bool),
+            root=0,
+        )
+        half = np.full(len(turn), 0.5)
+        search = _Search(
+            leaves, target, screws, limit - cell / np.sqrt(2.0), (resolution, resolution), max_queries - queries, None
+        )
+        found = search.run([_Items(node=count, stretch=count, u=half, half=half)])
+        queries, depth = queries + found.queries, max(depth, found.depth)
+        if not found.holds:
+            return replace(found, queries=queries, depth=depth)
+    return Sweep(holds=True, exhausted=False, depth=depth, at=0.0, queries=queries, near=np.empty(0))
+
+
+@dataclass(kw_only=False, eq=False)
+class _Search:
+    """Branch and bound over the balls of a tree and the stretches of a path."""
+
+    tree: BallTree
+    target: Target
+    path: Screws
+    limit: float
+    resolutions: tuple[float, float]
+    max_queries: int
+    ease: Ease | None
+    aside: list[_Items] = field(default_factory=list)
+    """Stretches of samples along helices that were not followed."""
+
+    def run(self, stack: list[_Items], *, queries: int = 0, aside: Helices | None = None) -> Sweep:
+        """Return what becomes of these; samples that slide along a helix are set aside, if any are given."""
+        stack, limit = list(stack), self.limit
+        depth, at, beyond, near = -np.inf, 0.0, -np.inf, []
+        while stack:
+            items = stack.pop()
+            if len(items.node) > _CHUNK:
+                stack.append(items.take(np.arange(_CHUNK, len(items.node))))
+                items = items.take(np.arange(_CHUNK))
+            queries += len(items.node)
+            open_, s, travel, raw = _look(self.tree, self.target, self.path, items, limit, self.ease)
+            leaf = self.tree.first_child[open_.node] < 0
+            if leaf.any():
+                deepest = int(np.argmin(np.where(leaf, s, np.inf)))
+                if -s[deepest] > beyond:
+                    beyond, at = float(-s[deepest]), float(open_.stretch[deepest] + open_.u[deepest])
+                depth = (
+                    max(depth, float(-np.where(leaf, raw, np.inf).min())) if beyond <= limit else float(-raw[deepest])
+                )
+                near.append(np.unique(np.round((open_.stretch + open_.u)[leaf], 3)))
+            if beyond > limit or queries > self.max_queries:
+                break
+            if aside is not None and leaf.any():
+                slides = leaf & (travel > s + limit) & (aside.run[open_.stretch] >= 0)
+                if slides.any():
+                    self.aside.append(open_.take(np.flatnonzero(slides)))
+                    stays = np.flatnonzero(~slides)
+                    open_, s, travel, leaf = open_.take(stays), s[stays], travel[stays], leaf[stays]
+            stack.extend(_cut(self.tree, open_, s, travel, leaf, limit, self.resolutions))
+        else:
+            return Sweep(holds=True, exhausted=False, depth=depth, at=at, queries=queries, near=_sorted(near))
+        return Sweep(holds=False, exhausted=beyond <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
 
 
 def _sorted(times: list[np.ndarray]) -> np.ndarray:

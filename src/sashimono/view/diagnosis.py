@@ -8,8 +8,8 @@ import numpy as np
 from manifold3d import Error
 
 from sashimono.assembly import Part
-from sashimono.doctor import Diagnosis
-from sashimono.doctor.report import verdict
+from sashimono.examination import Diagnosis
+from sashimono.examination.report import verdict
 from sashimono.files import atomic_write
 from sashimono.geometry.mesh.solid import to_manifold
 from sashimono.view.config import ViewConfig

@@ -1,14 +1,176 @@
-"""The exploded view: every part drawn back along its insertion until it is clear of what is there before it."""
+"""The exploded view: every part drawn back along its insertion, on the axis of what it sits on, the last ones first."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, frozen_array
+from sashimono.geometry import se3
+from sashimono.geometry.distance.signed_distance import SignedDistance
+from sashimono.geometry.mesh.measures import sample_surface
 from sashimono.plan import AssemblyPlan, Step
 from sashimono.view.config import ViewConfig
 from sashimono.view.timeline import bounds_at
+
+_SAMPLES = 600
+"""Surface points of a part by which it is seen what it sits on."""
+_AHEAD = 0.5
+"""Least cosine between a surface's normal and the way in for the surface to face forward."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pull:
+    """One displacement of the exploded view. A part that sits on another makes the other's pulls before its own."""
+
+    turn: int
+    """Place of the step among all steps as they are played: the last ones are drawn out first."""
+    vector: Float[np.ndarray, "3"]
+    """At its end, world frame [m]."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vector", frozen_array(self.vector, np.float64))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explosion:
+    """Of each part: by which pulls it is displaced, and on which part it sits."""
+
+    pulls: Mapping[str, tuple[Pull, ...]]
+    """The pulls of what the part sits on, then its own, then those inside its subassembly; none of what stays."""
+    seats: Mapping[str, str]
+    """The part on whose axis a part stays, for those that sit on one."""
+
+    def offset(self, name: str) -> Float[np.ndarray, "3"]:
+        """Return the part's displacement in the full exploded view [m]."""
+        return sum((pull.vector for pull in self.pulls[name]), np.zeros(3))
+
+
+def explode(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Explosion:
+    """Return how the parts are drawn apart.
+
+    A part goes back along its insertion until it is clear of the boxes of all that is there before it, a gap between.
+    It starts from where the part that it sits on is drawn, so that a screw stays on the axis of its hole wherever the
+    plate is. What it sits on is what it meets with most of its forward faces, else with most of its surface.
+    Subassemblies go as one, and are drawn apart in themselves too.
+    """
+    boxes = {part.name: bounds_at(part, plan.parts[part.name]) for part in assembly.parts}
+    corners = np.concatenate(list(boxes.values()))
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    work = _Work(
+        surfaces=_Surfaces(plan, assembly, boxes),
+        boxes=boxes,
+        gap=config.explode_gap * float(np.linalg.norm(upper - lower)),
+        center=0.5 * (lower + upper),
+    )
+    moved = {name for step in plan.steps if step.moves for name in step.members}
+    work.explode(plan.steps, [name for name in assembly.names if name not in moved])
+    pulls = {name: tuple(work.pulls.get(name, ())) for name in assembly.names}
+    return Explosion(pulls=pulls, seats=work.seats)
+
+
+def explosion_offsets(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> dict[str, Float[np.ndarray, "3"]]:
+    """Return how far each part is displaced in the full exploded view [m]; zero for the base and unsolved parts."""
+    found = explode(plan, assembly, config)
+    return {name: found.offset(name) for name in assembly.names}
+
+
+@dataclass(kw_only=True, eq=False)
+class _Work:
+    """What has been drawn apart so far."""
+
+    surfaces: _Surfaces
+    boxes: Mapping[str, Float[np.ndarray, "2 3"]]
+    gap: float
+    center: Float[np.ndarray, "3"]
+    pulls: dict[str, list[Pull]] = field(default_factory=dict)
+    seats: dict[str, str] = field(default_factory=dict)
+    turn: int = 0
+
+    def explode(self, steps: Sequence[Step], there: Iterable[str]) -> None:
+        """Draw the steps of one level apart, insides first; ``there`` are parts that stay in place."""
+        placed = list(there)
+        for step in steps:
+            if step.subassembly is not None:
+                self.explode(step.subassembly.steps, ())
+            turn, self.turn = self.turn, self.turn + 1
+            if step.moves:
+                self._draw_back(step, turn, placed)
+            placed += [name for name in step.members if name not in placed]
+
+    def _drawn(self, name: str) -> Float[np.ndarray, "2 3"]:
+        return self.boxes[name] + sum((pull.vector for pull in self.pulls.get(name, ())), np.zeros(3))
+
+    def _draw_back(self, step: Step, turn: int, placed: Sequence[str]) -> None:
+        box = _common([self._drawn(name) for name in step.members])
+        direction = _withdrawal(step, box.mean(axis=0) - self.center)
+        seat = self.surfaces.seat(step.members, placed, direction)
+        before = list(self.pulls.get(seat, ())) if seat is not None else []
+        travel = 0.0
+        if placed:
+            # parts keep a gap along the way only, so that neighbours side by side stay level
+            along = self.gap * np.abs(direction)
+            others = np.array([self._drawn(name) for name in placed]) + np.array([-along, along])
+            start = box + sum((pull.vector for pull in before), np.zeros(3))
+            shrunk = start + np.array([[1.0], [-1.0]]) * 0.01 * (box[1] - box[0])
+            # a part that slides off sideways is clear of all boxes at once: it moves by its own length all the same
+            length = float(np.abs(direction) @ (box[1] - box[0]))
+            travel = max(_clearing_travel(shrunk, direction, others), length + self.gap)
+        own = Pull(turn=turn, vector=travel * direction)
+        for name in step.members:
+            self.pulls[name] = [*before, own, *self.pulls.get(name, ())]
+            if seat is not None:
+                self.seats.setdefault(name, seat)
+
+
+class _Surfaces:
+    """Which part another one sits on, by points of its surface."""
+
+    def __init__(self, plan: AssemblyPlan, assembly: Assembly, boxes: Mapping[str, Float[np.ndarray, "2 3"]]) -> None:
+        self._boxes = boxes
+        self._meshes = {
+            part.name: (se3.apply(plan.parts[part.name], part.vertices_part), part.faces) for part in assembly.parts
+        }
+        self._distances: dict[str, SignedDistance] = {}
+        self._samples: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+
+    def seat(self, names: Sequence[str], placed: Sequence[str], away: Float[np.ndarray, "3"]) -> str | None:
+        """Return the placed part that these sit on, which leave in direction ``away``; None if they touch none."""
+        best, most = None, 0.0
+        for other in placed:
+            score = sum(self._contact(name, other, away) for name in names)
+            if score > most:
+                best, most = other, score
+        return best
+
+    def _contact(self, name: str, other: str, away: Float[np.ndarray, "3"]) -> float:
+        """Share of the part's surface that lies on the other; a share that faces forward counts a hundredfold."""
+        a, b = self._boxes[name], self._boxes[other]
+        slack = 0.05 * float(min(np.ptp(a, axis=0).min(), np.ptp(b, axis=0).min()))
+        low, high = np.maximum(a[0], b[0]) - slack, np.minimum(a[1], b[1]) + slack
+        if (low > high).any():
+            return 0.0
+        points, normals = self._points(name)
+        near = ((points >= low) & (points <= high)).all(axis=1)
+        if not near.any():
+            return 0.0
+        if other not in self._distances:
+            self._distances[other] = SignedDistance(*self._meshes[other])
+        # farther than what is asked about it is infinite
+        distance, _ = self._distances[other].normals(points[near], 1.01 * slack)
+        on = np.abs(distance) <= slack
+        forward = on & (normals[near] @ away < -_AHEAD)
+        return (100.0 * float(forward.sum()) + float(on.sum())) / len(points)
+
+    def _points(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        if name not in self._samples:
+            # the same points each time: nothing here may change from run to run
+            points, normals, _ = sample_surface(*self._meshes[name], _SAMPLES, np.random.default_rng(0))
+            self._samples[name] = points, normals
+        return self._samples[name]
 
 
 def _withdrawal(step: Step, away: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
@@ -41,30 +203,3 @@ def _clearing_travel(
 def _common(boxes: list[Float[np.ndarray, "2 3"]]) -> Float[np.ndarray, "2 3"]:
     corners = np.array(boxes)
     return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
-
-
-def explosion_offsets(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> dict[str, Float[np.ndarray, "3"]]:
-    """Return how far each part is displaced in the full exploded view [m]; zero for the base and unsolved parts.
-
-    The parts of a subassembly stay together.
-    """
-    boxes = {part.name: bounds_at(part, plan.parts[part.name]) for part in assembly.parts}
-    corners = np.concatenate(list(boxes.values()))
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
-    gap = config.explode_gap * float(np.linalg.norm(upper - lower))
-    offsets = {part.name: np.zeros(3) for part in assembly.parts}
-    moved = {name for step in plan.steps if len(step.motion.T_world_part) > 1 for name in step.members}
-    placed = [boxes[name] for name in assembly.names if name not in moved]
-    for step in plan.steps:
-        if step.part not in moved:
-            continue
-        box = _common([boxes[name] for name in step.members])
-        direction = _withdrawal(step, box.mean(axis=0) - 0.5 * (lower + upper))
-        if placed:
-            # parts keep a gap along the way only, so that neighbours side by side stay level
-            along = gap * np.abs(direction)
-            others = np.array(placed) + np.array([-along, along])
-            shrunk = box + np.array([[1.0], [-1.0]]) * 0.01 * (box[1] - box[0])
-            offsets |= dict.fromkeys(step.members, direction * _clearing_travel(shrunk, direction, others))
-        placed.append(box + offsets[step.part])
-    return offsets

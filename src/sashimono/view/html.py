@@ -16,7 +16,8 @@ from sashimono.view.config import ViewConfig
 from sashimono.view.scene import ViewerScene, make_scene
 
 SCRIPTS = (
-    "se3.js", "data.js", "timeline.js", "bodies.js", "contacts.js", "stage.js", "outline.js", "panel.js", "main.js",
+    "se3.js", "data.js", "timeline.js", "bodies.js", "contacts.js", "stage.js", "outline.js", "section.js",
+    "surfaces.js", "panel.js", "measure.js", "main.js",
 )  # fmt: skip
 """The page's own scripts, in the order in which they are joined; each uses only names of those before it."""
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from sashimono.assembly import Assembly
+from sashimono.geometry.mesh.text import obj_text
 from sashimono.plan import AssemblyPlan, Table
 from sashimono.view.appearance import linear_rgb, part_colors
 from sashimono.view.keyframes import rotation_between
@@ -46,7 +47,7 @@ def write_mjcf(plan: AssemblyPlan, assembly: Assembly, out: Path) -> tuple[str, 
     colors, files = part_colors(plan, assembly), [SCENE]
     for k, part in enumerate(assembly.parts):
         files.append(f"part_{k:03}.obj")
-        (out / files[-1]).write_text(_obj(part.vertices_part, part.faces), encoding="ascii")
+        (out / files[-1]).write_text(obj_text(part.vertices_part, part.faces), encoding="ascii")
         xml.SubElement(asset, "mesh", name=part.name, file=files[-1], inertia="convex")
         body = xml.SubElement(world, "body", name=part.name, gravcomp="1")
         xml.SubElement(body, "freejoint")
@@ -121,12 +122,6 @@ def _add_table(world: xml.Element, table: Table, middle: Float[np.ndarray, "3"],
 def _free_joint(T: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "7"]:
     """Position, then the quaternion, scalar first."""
     return np.concatenate([T[:3, 3], Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True, scalar_first=True)])
-
-
-def _obj(vertices: Float[np.ndarray, "vertex 3"], faces: np.ndarray) -> str:
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices]
-    lines += [f"f {a} {b} {c}" for a, b, c in faces + 1]
-    return "\n".join(lines) + "\n"
 
 
 def _numbers(values: np.ndarray) -> str:

@@ -16,7 +16,7 @@ from sashimono.plan import AssemblyPlan, Contact
 from sashimono.view.appearance import BASE_COLOR, part_colors, srgb_hex
 from sashimono.view.config import ViewConfig
 from sashimono.view.display_mesh import DisplayMesh
-from sashimono.view.explode import explosion_offsets
+from sashimono.view.explode import explode
 from sashimono.view.lookout import Lookout, step_lookouts
 from sashimono.view.playback import UP, PlayedStep, played_steps
 from sashimono.view.shapes import ShapeUse, make_shapes
@@ -144,6 +144,7 @@ def _step(
     return {
         "part": assembly.index(step.part),
         "moving": [assembly.index(name) for name in step.members],
+        "product": step.product,
         "label": played.label,
         "depth": played.depth,
         "fixed": len(step.fixed),
@@ -158,6 +159,8 @@ def _step(
         "contactReason": step.contact_reason,
         "held": list(step.held),
         "turns": played.turns,
+        "tool": None if step.tool is None else step.tool.name,
+        "toolBlocked": None if step.tool is None else step.tool.reason,
         # on a bench what is up may be turned
         "way": way_words(step.insertion, turned.T @ up, ENGLISH) if step.insertion else "",
         "look": None if lookout is None else lookout.toward.tolist(),
@@ -171,7 +174,7 @@ def _parts(
     plan: AssemblyPlan, assembly: Assembly, played: Sequence[PlayedStep], uses: tuple[ShapeUse, ...], config: ViewConfig
 ) -> list[dict[str, Any]]:
     colors = part_colors(plan, assembly)
-    offsets = explosion_offsets(plan, assembly, config)
+    explosion = explode(plan, assembly, config)
     # the whole stands as it was last turned
     turns = [entry for entry in played if entry.turns and entry.depth == 0]
     turned = np.eye(3)
@@ -186,7 +189,7 @@ def _parts(
             "assembled": pose_rows(plan.parts[part.name]),
             "color": colors[part.name],
             "cadColor": None if part.color is None else srgb_hex(part.color),
-            "explode": (turned @ offsets[part.name]).tolist(),
+            "explode": [{"turn": p.turn, "by": (turned @ p.vector).tolist()} for p in explosion.pulls[part.name]],
             "solved": part.name in solved,
         }
         for part, use in zip(assembly.parts, uses, strict=True)

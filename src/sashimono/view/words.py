@@ -68,6 +68,8 @@ class Words:
     """Of the product, so that the task is done on another table."""
     hold_turned: str
     turn_chapter: str
+    no_room: str
+    """Where a tool has no room."""
     no_contact: str
     declared: str
     unsolved: str
@@ -127,6 +129,7 @@ ENGLISH = Words(
     turn_product="Turn all that is put together over, so that it stands as shown.",
     hold_turned="Then hold {parts} so that nothing falls or tips.",
     turn_chapter="Put together beside the product, this side up.",
+    no_room="No room for the tool ({tool}) with these parts in place.",
     no_contact="The plan has no grasp here: place by hand.",
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
     unsolved="Parts without instructions",
@@ -188,6 +191,7 @@ GERMAN = Words(
     turn_product="Alles Zusammengebaute umdrehen, sodass es wie gezeigt steht.",
     hold_turned="Dann {parts} halten, damit nichts fällt oder kippt.",
     turn_chapter="Neben dem Produkt zusammenbauen, diese Seite oben.",
+    no_room="Kein Platz für das Werkzeug ({tool}), solange diese Teile da sind.",
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
     unsolved="Teile ohne Anleitung",
@@ -252,6 +256,7 @@ JAPANESE = Words(
     turn_product="組み立てたものを裏返し、図のように置きます。",
     hold_turned="その後、落ちたり倒れたりしないように{parts}を押さえます。",
     turn_chapter="製品の横で、この面を上にして組み立てます。",
+    no_room="これらの部品があると工具（{tool}）が入りません。",
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
     unsolved="手順のない部品",

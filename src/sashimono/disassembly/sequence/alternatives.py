@@ -35,6 +35,8 @@ WORDS = {
     "turn_overs": "turn-overs",
     "turned_loose": "loose parts turned over",
     "parted": "parts between those wanted together",
+    "products_apart": "products taken apart",
+    "tools_blocked": "tools without room",
 }
 """The terms of the cost, in words."""
 

@@ -6,7 +6,7 @@ Constraints narrow what is chosen; they never make a part free, and removal cond
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 
 from sashimono.errors import SashimonoError
@@ -38,6 +38,10 @@ class ResolvedConstraints:
     def holds_back(self, part: int, remaining: int) -> int:
         """Return the mask of the remaining parts for which this one waits."""
         return self.waits[part] & remaining & ~(1 << part)
+
+    def and_waits(self, waits: Sequence[int]) -> ResolvedConstraints:
+        """Return these, and parts that wait for more."""
+        return replace(self, waits=tuple(own | more for own, more in zip(self.waits, waits, strict=True)))
 
 
 def resolve(constraints: OrderConstraints, names: Sequence[str]) -> ResolvedConstraints:

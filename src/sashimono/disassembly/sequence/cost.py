@@ -37,8 +37,16 @@ TERMS = (
     "turn_overs",
     "turned_loose",
     "parted",
+    "products_apart",
+    "tools_blocked",
 )
 """The terms, by the names of their weights."""
+
+START_TERMS = ("base", "unsteady", "fixture", "turned")
+"""What the base and the table of a product add: of a subassembly's own they do not count."""
+
+SOMETIMES = ("products_apart", "tools_blocked")
+"""Terms that there are only where the file has a product tree, or where a tool has no room."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +90,10 @@ class OrderCostConfig:
     them is what it is turned by."""
     parted: float = 100.0
     """For each part that comes between others that the user wants together. As good as forbidden."""
+    products_apart: float = 2.0
+    """For each product of the file's tree that is not put together by itself: its designer drew it as one thing."""
+    tools_blocked: float = 3.0
+    """For each fastener that is placed when its tool has no room."""
     hands: int = 2
     """Hands that there are."""
     steady: float = 0.6
@@ -163,6 +175,8 @@ class CostModel:
         wrong = sum((scene.comes_before[part] & rest).bit_count() for part in bits(members))
         if wrong:
             out["fasteners_out_of_turn"] = float(wrong)
+        if scene.is_tool_blocked(members, rest):
+            out["tools_blocked"] = 1.0
         if rest and not scene.touched_by(members) & rest:
             out["apart"] = 1.0
         if parted := sum(1 for group in self.together if group & rest and group & gone and not group & members):
@@ -257,8 +271,12 @@ def plan_cost(plan: AssemblyPlan, model: CostModel) -> OrderCost | None:
         return None
     amounts: Amounts = {}
     _add_level(amounts, plan, model, top=True)
-    kept = {term: round(amounts.get(term, 0.0), 6) for term in TERMS}
-    return OrderCost(total=round(model.total(kept), 6), terms=kept, weights=model.config.weights)
+    if plan.products:
+        add(amounts, {"products_apart": float(sum(entry.planned == "apart" for entry in plan.products))})
+    counted = tuple(term for term in TERMS if term not in SOMETIMES or term in amounts)
+    kept = {term: round(amounts.get(term, 0.0), 6) for term in counted}
+    weights = {term: model.config.weights[term] for term in counted}
+    return OrderCost(total=round(model.total(kept), 6), terms=kept, weights=weights)
 
 
 def _add_level(amounts: Amounts, level: AssemblyPlan | Subassembly, model: CostModel, *, top: bool) -> None:

@@ -21,6 +21,8 @@ class Departure:
     """With the witness."""
     inside: DisassemblyResult | None = None
     """How a subassembly comes apart by itself; None for a single part."""
+    product: str | None = None
+    """The product of the file's tree that it is, if it leaves as one for that."""
 
     @property
     def refusal(self) -> Refusal:
@@ -51,6 +53,16 @@ class Turn:
     """Away from the table on which they are placed, unit."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class HeldProduct:
+    """A product that was to leave as one and could not."""
+
+    name: str
+    core: int
+    """Mask of what is left of it once so many of its own parts have left that something else can; 0 for nothing."""
+    reason: str
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DisassemblyResult:
     """How far the parts came apart."""
@@ -65,6 +77,8 @@ class DisassemblyResult:
     """Away from the table that the order is for; None: any."""
     turn: Turn | None = None
     """Where the product is turned over from that table to another; None: it is not."""
+    held_products: tuple[HeldProduct, ...] = ()
+    """Products that were to leave as one and could not."""
 
     def avoids(self, refused: Collection[Refusal], start: int) -> bool:
         """Return whether none of these refusals is about any of its departures, those inside subassemblies included.

@@ -9,20 +9,23 @@ a subassembly leaves as one body, and is taken apart by itself: the result is a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.assembly import few_words
 from sashimono.disassembly.blocking.groups import find_subassembly
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
+from sashimono.disassembly.sequence.as_one import BodiesAsOne
 from sashimono.disassembly.sequence.constraints import OrderConstraints, resolve
 from sashimono.disassembly.sequence.cost import OrderCostConfig
-from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
+from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult, HeldProduct
+from sashimono.disassembly.sequence.products import ProductConfig, ProductGroup, whole_groups
 from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
 from sashimono.disassembly.sequence.search_config import OrderSearchConfig
 from sashimono.plan import Answer
@@ -48,6 +51,8 @@ class SequenceConfig:
     """What tells one order from a better one."""
     search: OrderSearchConfig = field(default_factory=OrderSearchConfig)
     """How many orders are looked at besides the one that is found first."""
+    products: ProductConfig = field(default_factory=ProductConfig)
+    """How the file's product tree is used."""
     verdict: VerdictConfig = field(default_factory=VerdictConfig)
     """How what holds the parts that stay is put into words."""
 
@@ -59,6 +64,8 @@ def find_disassembly(
     start: int | None = None,
     refused: frozenset[Refusal] = frozenset(),
     proposed: Sequence[int] = (),
+    products: Sequence[ProductGroup] = (),
+    patient: int | None = None,
     progress: Callable[[int], None] = lambda removed: None,
 ) -> DisassemblyResult:
     """Return an order in which the parts leave, as far as the cascade finds one.
@@ -70,9 +77,11 @@ def find_disassembly(
         refused: Ways out that are not to be taken.
         proposed: Parts in the order in which they may leave, the base last, from elsewhere (a network). The first of
             them that remains is asked before all others; where it cannot leave, taste decides as ever.
+        products: Sets of parts that leave as one, the outer ones first. One that cannot is left with all its parts.
+        patient: Mask of the parts of which physics and tilting are asked; all if None.
         progress: Called with the number of parts that have left so far.
     """
-    chooser = _Chooser(cascade, config, refused, proposed)
+    chooser = _Chooser(cascade, config, refused, proposed, products, patient)
     return _disassemble(chooser, cascade.parts.all_parts if start is None else start, progress)
 
 
@@ -91,12 +100,18 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
         removal = choice.separation.removal
         last = None if removal is None else removal.exit_direction
         progress(start.bit_count() - remaining.bit_count())
+    held: tuple[HeldProduct, ...] = ()
     if not remaining & (remaining - 1):
         protected, said = bits(remaining)[0], {}
+    else:
+        held = tuple(chooser.held(group, remaining, protected) for group in chooser.units(remaining))
     stuck = [(part, known) for part, known in said.items() if part != protected]
     parts, config = chooser.cascade.parts, chooser.config.verdict
     return DisassemblyResult(
-        base=protected, removals=tuple(removals), stuck=add_reasons(parts, remaining, stuck, config=config)
+        base=protected,
+        removals=tuple(removals),
+        stuck=add_reasons(parts, remaining, stuck, config=config),
+        held_products=held,
     )
 
 
@@ -111,9 +126,18 @@ class _Chooser:
     """Ranks what is free; holds the contact graph and the sizes."""
 
     def __init__(
-        self, cascade: Cascade, config: SequenceConfig, refused: frozenset[Refusal], proposed: Sequence[int]
+        self,
+        cascade: Cascade,
+        config: SequenceConfig,
+        refused: frozenset[Refusal],
+        proposed: Sequence[int],
+        products: Sequence[ProductGroup],
+        patient: int | None,
     ) -> None:
         self.cascade, self.config, self.refused, self.proposed = cascade, config, refused, proposed
+        self.products = products
+        self.patient = cascade.parts.all_parts if patient is None else patient
+        self.bodies_as_one = BodiesAsOne(cascade)
         self.inquiry = cascade.inquire()
         self.later_stages = tuple(stage for stage in cascade.stages if stage is not cascade.directions)
         """Those that are asked about one part after another; single translations are ranked over all parts."""
@@ -140,6 +164,46 @@ class _Chooser:
         parts = bits(remaining)
         scores = [self.bulk[k] * (1 + self.neighbours[k].bit_count()) for k in parts]
         return parts[int(np.argmax(np.round(np.array(scores) / max(scores), 9)))]
+
+    def units(self, remaining: int) -> tuple[ProductGroup, ...]:
+        """The products that leave as one of these parts."""
+        return whole_groups(self.products, remaining)
+
+    def free_parts(self, remaining: int) -> int:
+        """Mask of the remaining parts that are in no product."""
+        for group in self.units(remaining):
+            remaining &= ~group.members
+        return remaining
+
+    def held(self, group: ProductGroup, remaining: int, protected: int) -> HeldProduct:
+        """What is known of a product that could not leave as one, as far as that was asked."""
+        core = self.core(group, remaining, protected)
+        said = self.bodies_as_one.last.get(group.members)
+        if said is None:
+            return HeldProduct(name=group.name, core=core, reason="what it stands in the way of does not leave")
+        names = few_words([self.cascade.assembly.names[k] for k in said.blocked_by])
+        words = [f"it does not leave as one{f', past {names}' if names else ''}", said.reason]
+        return HeldProduct(name=group.name, core=core, reason=": ".join(word for word in words if word))
+
+    def core(self, group: ProductGroup, remaining: int, protected: int) -> int:
+        """What is left of a held product once some of its parts have left alone, so that it or another part can leave.
+
+        A key at the end of a shaft holds the cover, and is left for later.
+        """
+        members = group.members
+        while members.bit_count() > 2:
+            parts = sorted(bits(members & ~(1 << protected)), key=lambda k: (self.bulk[k], k))
+            first = next((k for k in parts if self.leaves_by_one_translation(k, remaining)), None)
+            if first is None:
+                return 0
+            members &= ~(1 << first)
+            remaining &= ~(1 << first)
+            rest = replace(group, members=members)
+            others = bits(self.free_parts(remaining) & ~members & ~(1 << protected))
+            is_out = not members >> protected & 1 and self.product_ways(rest, remaining, None, most=1)
+            if is_out or any(self.leaves_by_one_translation(k, remaining) for k in others):
+                return members
+        return 0
 
     def connected(self, remaining: int) -> bool:
         seen = frontier = remaining & -remaining
@@ -173,9 +237,10 @@ class _Chooser:
         choice = self.next_proposed(remaining, protected, last) or self.next_by_one_translation(
             remaining, protected, last
         )
-        if choice is None and protected != self.wishes.base and self.leaves_by_one_translation(protected, remaining):
+        choice = choice or self.next_product(remaining, protected, last)
+        if choice is None and protected != self.wishes.base and (own := self.leaving_with(protected, remaining)):
             # the base itself can go: keep another one instead, the best of those that are left
-            return self.next(remaining, self.base_among(remaining & ~(1 << protected)), last)
+            return self.next(remaining, self.base_among(remaining & ~own), last)
         for stage in self.later_stages:
             if choice is not None:
                 break
@@ -183,7 +248,80 @@ class _Chooser:
                 choice = self.next_subassembly(remaining, protected)
             else:
                 choice = self.next_by_stage(stage, remaining, protected, said)
-        return choice, protected, said
+        return choice or self.next_product_by_search(remaining, protected), protected, said
+
+    def leaving_with(self, part: int, remaining: int) -> int:
+        """Mask of the part, or of the product that it is in, if one translation takes that out; else 0."""
+        for group in self.units(remaining):
+            if group.members >> part & 1:
+                return group.members if self.product_ways(group, remaining, None, most=1) else 0
+        return 1 << part if self.leaves_by_one_translation(part, remaining) else 0
+
+    def next_product(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
+        """The best product that one translation takes out as one, and its best direction."""
+        ranked = [
+            (rank, group.members, s, group)
+            for group in self.units(remaining)
+            if not group.members >> protected & 1
+            and not any(self.wishes.holds_back(part, remaining & ~group.members) for part in bits(group.members))
+            for rank, s in self.product_ways(group, remaining, last, most=1)
+        ]
+        if not ranked:
+            return None
+        _, members, s, group = min(ranked, key=lambda entry: entry[:3])
+        others = remaining & ~members
+        removal = self.cascade.parts.straight_removal(members, others, self.cascade.blocking.direction(s))
+        separation = Separation(answer=Answer.FREE, removal=removal, direction_index=s, stage="subassembly")
+        return self.as_one(group, separation)
+
+    def product_ways(
+        self, group: ProductGroup, remaining: int, last: Float[np.ndarray, "3"] | None, *, most: int
+    ) -> list[tuple[tuple[bool, float], int]]:
+        """The best directions along which a product leaves as one, each with its rank."""
+        blocking, worth = self.cascade.blocking, self.preference(last)
+        members = bits(group.members)
+        others = remaining & ~group.members
+        rest = self.config.small_first * min(self.smallness[part] for part in members)
+        rest += self.config.connected * self.connected(others)
+        ways = []
+        for s in range(blocking.count_directions):
+            if is_refused(self.refused, group.members, s, others):
+                continue
+            if any(blocking.masks(part, s)[0] & others for part in members):
+                continue
+            ploughs = any(
+                self.cascade.shared.ploughs(part, overlapped, blocking.direction(s))
+                for part in members
+                if (overlapped := self.cascade.shared.overlapping(part, bits(others)))
+            )
+            ways.append(((ploughs, -round(worth(blocking.direction(s)) + rest, 6)), s))
+        found = []
+        for rank, s in sorted(ways):
+            if len(found) < most and all(blocking.is_free(part, s, others) for part in members):
+                found.append((rank, s))
+        return found
+
+    def next_product_by_search(self, remaining: int, protected: int) -> Departure | None:
+        """A product that leaves as one by any motion, asked of it as one part."""
+        for group in sorted(
+            self.units(remaining), key=lambda group: (self.bulk[bits(group.members)].sum(), group.name)
+        ):
+            others = remaining & ~group.members
+            if group.members >> protected & 1 or is_refused(self.refused, group.members, None, others):
+                continue
+            if any(self.wishes.holds_back(part, remaining & ~group.members) for part in bits(group.members)):
+                continue
+            separation = self.bodies_as_one.separate(group.members, remaining)
+            if separation.answer is Answer.FREE:
+                return self.as_one(group, separation)
+        return None
+
+    def as_one(self, group: ProductGroup, separation: Separation) -> Departure:
+        """The departure of a product, with how it comes apart by itself."""
+        inside = _disassemble(self, group.members, lambda removed: None)
+        return Departure(
+            part=inside.base, members=group.members, separation=separation, inside=inside, product=group.name
+        )
 
     def next_proposed(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
         """The first part of the proposed order that remains, if it can leave."""
@@ -214,7 +352,7 @@ class _Chooser:
         blocking, worth = self.cascade.blocking, self.preference(last)
         worths = [worth(blocking.direction(direction_index)) for direction_index in range(blocking.count_directions)]
         ranked = []
-        for part in bits(remaining & ~(1 << protected)):
+        for part in bits(self.free_parts(remaining) & ~(1 << protected)):
             if self.wishes.holds_back(part, remaining):
                 continue
             others = remaining & ~(1 << part)
@@ -245,11 +383,13 @@ class _Chooser:
         self, stage: Stage, remaining: int, protected: int, said: dict[int, Separation]
     ) -> Departure | None:
         """A part that a later stage frees, the protected one last; else None, and ``said`` knows more of every part."""
-        for part in sorted(bits(remaining), key=lambda k: (k == protected, self.bulk[k], k)):
+        for part in sorted(bits(self.free_parts(remaining)), key=lambda k: (k == protected, self.bulk[k], k)):
             if self._is_refused(part, remaining):
                 said[part] = REFUSED
                 continue
             if part == self.wishes.base:
+                continue
+            if stage in (self.cascade.physics, self.cascade.tilting) and not self.patient >> part & 1:
                 continue
             if waits := self.wishes.holds_back(part, remaining):
                 said[part] = self._waiting(bits(waits))
@@ -283,8 +423,13 @@ class _Chooser:
             connected=self.connected,
             refused=self.refused,
         )
-        if found is None or any(
-            self.wishes.holds_back(part, remaining & ~found.members) for part in bits(found.members)
+        split = found is not None and any(
+            g.members & found.members not in (0, g.members) for g in self.units(remaining)
+        )
+        if (
+            found is None
+            or split
+            or any(self.wishes.holds_back(part, remaining & ~found.members) for part in bits(found.members))
         ):
             return None
         inside = _disassemble(self, found.members, lambda removed: None)

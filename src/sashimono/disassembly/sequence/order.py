@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -18,12 +18,14 @@ from sashimono.disassembly.sequence.cost import CostModel, plan_cost
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import SequenceConfig
 from sashimono.disassembly.sequence.holds import Contacts
+from sashimono.disassembly.sequence.products import ProductGroup, Products, product_groups
 from sashimono.disassembly.sequence.scene import OrderScene
 from sashimono.disassembly.sequence.search import OrderSearch
 from sashimono.fasteners.bonds import bonds
 from sashimono.fasteners.recognise import Fastener, find_fasteners
+from sashimono.fasteners.tools import tool_for
 from sashimono.geometry.body import Body
-from sashimono.plan import AssemblyPlan, Fastening, OrderCost
+from sashimono.plan import AssemblyPlan, Fastening, OrderCost, Tool
 from sashimono.stability import StabilityConfig, Touching, embraces
 
 
@@ -67,6 +69,20 @@ class Orderer:
         poses = {part.name: part.T_world_part for part in self._cascade.assembly.parts}
         return Touching(self._bodies, poses, config=self._stability)
 
+    def tool(self, part: str, placed: Collection[str]) -> Tool | None:
+        """Return what drives a fastener, and whether there is room for it past these parts; None of any other part."""
+        fastener = self._by_name.get(part)
+        return None if fastener is None else tool_for(fastener, self.model.scene.tools(part), placed)
+
+    @cached_property
+    def _by_name(self) -> dict[str, Fastener]:
+        return {fastener.part: fastener for fastener in self.fasteners}
+
+    @cached_property
+    def products(self) -> Products:
+        """Which products of the file's tree may be put together by themselves."""
+        return product_groups(self._cascade.assembly, self.fasteners, self._cascade.touching)
+
     @cached_property
     def touching(self) -> Touching:
         """What touches what, each fastener joined to what it is screwed into where that is all around it."""
@@ -99,6 +115,7 @@ class Orderer:
         *,
         refused: frozenset[Refusal] = frozenset(),
         up: Sequence[float] | Float[np.ndarray, "3"] | None = None,
+        products: Sequence[ProductGroup] = (),
     ) -> DisassemblyResult:
         """Return the cheapest disassembly of all parts that is found, the given one among those looked at.
 
@@ -106,19 +123,32 @@ class Orderer:
             found: The one found first.
             refused: Ways out that are not to be taken.
             up: Away from the table, of any length, where that is given; else the search chooses.
+            products: What leaves as one.
         """
         if not self._config.search.enabled:
             return found
         normal = None if up is None else np.asarray(up, dtype=np.float64) / np.linalg.norm(up)
-        return self.search.improve(found, start=self._cascade.parts.all_parts, refused=refused, up=normal)
+        start = self._cascade.parts.all_parts
+        return self.search.improve(found, start=start, refused=refused, up=normal, products=products)
 
-    def explain(self, plan: AssemblyPlan, found: DisassemblyResult, refused: frozenset[Refusal]) -> AssemblyPlan:
+    def search_cost(self, found: DisassemblyResult, products: Sequence[ProductGroup] = ()) -> float:
+        """Return what an order costs that `improve` returned, held parts as far as the search bounds them."""
+        return self.search.cost(found, start=self._cascade.parts.all_parts, products=products)
+
+    def explain(
+        self,
+        plan: AssemblyPlan,
+        found: DisassemblyResult,
+        refused: frozenset[Refusal],
+        products: Sequence[ProductGroup] = (),
+    ) -> AssemblyPlan:
         """Return the plan with what else could have come at each step of its top level, and why it did not.
 
         Args:
             plan: The finished plan.
             found: What its steps were made from.
             refused: Ways out that were not to be taken.
+            products: What left as one.
         """
         if plan.table is None:
             return plan
@@ -129,7 +159,12 @@ class Orderer:
         if turn is not None:
             turn = replace(turn, count=sum(d in kept for d in found.removals[: turn.count]))
         asked = self.search.alternatives(
-            replace(found, removals=kept), start=start, refused=refused, up=plan.table.normal, turn=turn
+            replace(found, removals=kept),
+            start=start,
+            refused=refused,
+            up=plan.table.normal,
+            turn=turn,
+            products=products,
         )
         by_name = {names[part]: alternatives for part, alternatives in asked.items()}
         steps = tuple(replace(step, alternatives=by_name.get(step.part, ())) for step in plan.steps)

@@ -12,6 +12,7 @@ from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
 from sashimono.fasteners.precedence import precedence
 from sashimono.fasteners.recognise import Fastener
+from sashimono.fasteners.tools import ToolWay, tool_ways
 from sashimono.geometry.features.directions import part_directions
 
 
@@ -54,6 +55,25 @@ class OrderScene:
         self._slides: dict[tuple[int, int, bytes], float] = {}
         self._lines: dict[int, Float[np.ndarray, "line 3"]] = {}
         self._bounds: dict[bytes, Float[np.ndarray, "part 2"]] = {}
+        self._tools: dict[int, tuple[ToolWay, ...]] = {}
+        self._tool_masks: dict[int, tuple[int, ...]] = {}
+
+    def tools(self, part: str) -> tuple[ToolWay, ...]:
+        """Return the ways to drive a fastener, with what is in the way of each wherever it is in the order."""
+        k = self.index[part]
+        if k not in self._tools:
+            self._tools[k] = tool_ways(self.parts.assembly, self.fasteners[k]) if k in self.fasteners else ()
+        return self._tools[k]
+
+    def is_tool_blocked(self, members: int, rest: int) -> bool:
+        """Return whether a fastener's tool has no room past the parts that are placed before it."""
+        k = members.bit_length() - 1
+        if members & (members - 1) or k not in self.fasteners:
+            return False
+        if k not in self._tool_masks:
+            self._tool_masks[k] = tuple(self.mask(way.blockers) for way in self.tools(self.names[k]))
+        masks = self._tool_masks[k]
+        return bool(masks) and all(mask & rest for mask in masks)
 
     def mask(self, names: Iterable[str]) -> int:
         """Return the mask of these parts."""

@@ -17,9 +17,10 @@ from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.sequence.alternatives import Alternatives
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
-from sashimono.disassembly.sequence.cost import CostModel
+from sashimono.disassembly.sequence.cost import START_TERMS, CostModel
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult, Turn
 from sashimono.disassembly.sequence.holds import Contacts
+from sashimono.disassembly.sequence.products import ProductGroup
 from sashimono.disassembly.sequence.search_config import OrderSearchConfig
 from sashimono.disassembly.sequence.search_run import SearchRun, SearchSite
 from sashimono.disassembly.sequence.ways import Candidate
@@ -47,6 +48,7 @@ class OrderSearch:
         start: int,
         refused: frozenset[Refusal] = frozenset(),
         up: Float[np.ndarray, "3"] | None = None,
+        products: Sequence[ProductGroup] = (),
         top: bool = True,
     ) -> DisassemblyResult:
         """Return a disassembly of the same parts that costs least of those looked at, with the table it is for.
@@ -56,13 +58,14 @@ class OrderSearch:
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
             up: Away from the table, where that is given; else the search chooses.
+            products: What leaves as one; that with the base in it comes apart last.
             top: Whether this is the whole product, of which the user may have named the base.
         """
-        removals = tuple(self._inside(departure, refused) for departure in found.removals)
+        removals = tuple(self._inside(departure, refused, products) for departure in found.removals)
         found = replace(found, removals=removals)
         if not removals:
             return found
-        run = SearchRun(self._site, found, start, refused, up)
+        run = SearchRun(self._site, found, start, refused, up, products)
         may_turn = top and up is None
         mended = run.mended()
         if mended is None or not mended[1]:
@@ -83,6 +86,7 @@ class OrderSearch:
         refused: frozenset[Refusal],
         up: Float[np.ndarray, "3"],
         turn: Turn | None = None,
+        products: Sequence[ProductGroup] = (),
     ) -> dict[int, tuple[Alternative, ...]]:
         """Return what else could have come in place of each departure, by its part; inside subassemblies aside.
 
@@ -92,24 +96,43 @@ class OrderSearch:
             refused: Ways out that are not to be taken.
             up: Away from the table that it begins on, unit.
             turn: Where the product is turned over.
+            products: What leaves as one.
         """
-        run = SearchRun(self._site, found, start, refused, up)
+        run = SearchRun(self._site, found, start, refused, up, products)
         order = replace(run.greedy(up), turn=turn)
         asked = Alternatives(
             order,
             start,
             run.ways,
             self._site.model,
-            self._site.wishes,
+            run.wishes,
             lambda candidate: run.amounts(candidate, exact=False),
             most=self._site.config.explained,
         )
         count = len(order.leaving)
         return {order.leaving[count - 1 - k].unit.part: asked.of_step(k) for k in range(count)}
 
-    def _inside(self, departure: Departure, refused: frozenset[Refusal]) -> Departure:
+    def cost(
+        self, found: DisassemblyResult, *, start: int, products: Sequence[ProductGroup] = (), top: bool = True
+    ) -> float:
+        """Return what an order costs that `improve` returned, held parts as far as they are bounded.
+
+        Of what is inside subassemblies, bases and tables do not count, as in the cost of a plan.
+        """
+        model = self._site.model
+        up = model.scene.up if found.up is None else np.array(found.up)
+        run = SearchRun(self._site, found, start, frozenset(), up, products)
+        amounts = run.amounts(replace(run.greedy(up), turn=found.turn), exact=False)
+        if not top:
+            amounts = {term: amount for term, amount in amounts.items() if term not in START_TERMS}
+        below = (d for d in found.removals if d.inside is not None and d.inside.removals)
+        return model.total(amounts) + sum(
+            self.cost(d.inside, start=d.members, products=products, top=False) for d in below if d.inside is not None
+        )
+
+    def _inside(self, departure: Departure, refused: frozenset[Refusal], products: Sequence[ProductGroup]) -> Departure:
         """The departure, what it moves being put together by the cheapest order too."""
         if departure.inside is None:
             return departure
-        inside = self.improve(departure.inside, start=departure.members, refused=refused, top=False)
+        inside = self.improve(departure.inside, start=departure.members, refused=refused, products=products, top=False)
         return replace(departure, inside=inside, part=inside.base)

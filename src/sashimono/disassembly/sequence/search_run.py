@@ -12,14 +12,16 @@ from jaxtyping import Float
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal, is_refused
+from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
 from sashimono.disassembly.sequence.cost import Amounts, CostModel, Placing, add
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult, Turn
 from sashimono.disassembly.sequence.holds import Allowance, Balance, Contacts, HoldCounter, table_under
 from sashimono.disassembly.sequence.moves import Blocked, earlier_in
+from sashimono.disassembly.sequence.products import ProductGroup, base_group_waits
 from sashimono.disassembly.sequence.search_config import OrderSearchConfig
 from sashimono.disassembly.sequence.ways import Candidate, Leaving, Lines, Unit, Way, Ways, Work, units_of
-from sashimono.plan import Table
+from sashimono.plan import Answer, Table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,8 +69,8 @@ class SearchSite:
     wishes: ResolvedConstraints
     config: OrderSearchConfig
     lines: Lines = field(default_factory=Lines)
-    memories: dict[tuple[int, int, bytes | None], Memory] = field(default_factory=dict)
-    """By the parts that were there, those that are stuck, and the given up direction."""
+    memories: dict[tuple[int, int, bytes | None, tuple[int, ...]], Memory] = field(default_factory=dict)
+    """By the parts that were there, those that are stuck, the given up direction, and what leaves as one."""
 
 
 class SearchRun:
@@ -81,6 +83,7 @@ class SearchRun:
         start: int,
         refused: frozenset[Refusal],
         up: Float[np.ndarray, "3"] | None,
+        products: Sequence[ProductGroup],
     ) -> None:
         """Take in what is searched.
 
@@ -90,9 +93,13 @@ class SearchRun:
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
             up: Away from the table, where that is given.
+            products: What leaves as one.
         """
         self._cascade, self._contacts = site.cascade, site.contacts
-        self._model, self._wishes, self._config = site.model, site.wishes, site.config
+        self._model, self._config = site.model, site.config
+        waits = base_group_waits(products, found.base, start, len(site.cascade.parts))
+        self.wishes = site.wishes.and_waits(waits)
+        """What the user wants, and that the product with the base in it is put together first."""
         self._found = found
         self._start = start
         self._refused = refused
@@ -102,7 +109,7 @@ class SearchRun:
         self._units = units_of(found.base, found.removals, start)
         self._ways: dict[bytes, Ways] = {}
         self._lines = site.lines
-        key = (start, self._stuck, None if up is None else up.tobytes())
+        key = (start, self._stuck, None if up is None else up.tobytes(), tuple(each.members for each in products))
         if key not in site.memories:
             site.memories[key] = Memory(allowance=Allowance(self._config.balances))
         self._memory = site.memories[key]
@@ -167,7 +174,7 @@ class SearchRun:
     def _bases(self, top: bool) -> list[int]:
         """The greedy base, then those with the highest scores; one alone if the user named it or parts are stuck."""
         first = 1 << self._found.base
-        if self._stuck or (top and self._wishes.base is not None):
+        if self._stuck or (top and self.wishes.base is not None):
             return [first]
         scene = self._model.scene
         others = [unit.members for unit in self._units if unit.single and unit.members != first]
@@ -180,7 +187,7 @@ class SearchRun:
     def _waiting_masks(self) -> Iterator[int]:
         """Masks of the parts that the user wants to be placed after some other: none of them is a base."""
         for part in bits(self._start):
-            yield self._wishes.waits[part] & self._start
+            yield self.wishes.waits[part] & self._start
 
     def _normals(self, base: int) -> list[Float[np.ndarray, "3"]]:
         """The file's up first, then the world's axes and the base's own lines, both ways."""
@@ -271,7 +278,7 @@ class SearchRun:
         while since < len(pairs) and tries > 0:
             own, later = pairs[place]
             place, since = (place + 1) % len(pairs), since + 1
-            changed = earlier_in(candidate, later, own, start=self._start, ways=self.ways, wishes=self._wishes)
+            changed = earlier_in(candidate, later, own, start=self._start, ways=self.ways, wishes=self.wishes)
             if isinstance(changed, Blocked) or not self._can_be_turned(changed):
                 continue
             tries -= 1
@@ -322,7 +329,7 @@ class SearchRun:
         return np.unique(bulk, return_inverse=True)[1].tolist()
 
     def _holds_back(self, members: int, remaining: int) -> bool:
-        return any(self._wishes.holds_back(part, remaining & ~members) for part in bits(members))
+        return any(self.wishes.holds_back(part, remaining & ~members) for part in bits(members))
 
     def _holds(self, base: int, up: Float[np.ndarray, "3"]) -> tuple[HoldCounter, bool]:
         """What counts held parts on the table that a base stands on, and whether it needs a fixture there."""
@@ -550,6 +557,8 @@ class SearchRun:
         if s is None:
             assert unit.known is not None
             return unit.known
+        if not unit.single:
+            return self._as_one(unit, s, remaining)
         separation = self._cascade.directions.along(
             unit.part, remaining, preference=lambda direction: 0.0, refused=self._refused, among=(s,)
         )
@@ -557,3 +566,14 @@ class SearchRun:
         if not is_refused(self._refused, unit.members, s, remaining & ~unit.members, only_turned=True):
             separation = self._cascade.with_declared_thread(unit.part, remaining, separation)
         return Departure(part=unit.part, members=unit.members, separation=separation)
+
+    def _as_one(self, unit: Unit, direction_index: int, remaining: int) -> Departure:
+        """The departure of a product along a direction, past what remains."""
+        assert unit.known is not None
+        parts = self._cascade.parts
+        direction = self._cascade.blocking.direction(direction_index)
+        removal = parts.straight_removal(unit.members, remaining & ~unit.members, direction)
+        separation = Separation(
+            answer=Answer.FREE, removal=removal, direction_index=direction_index, stage="subassembly"
+        )
+        return replace(unit.known, separation=separation)

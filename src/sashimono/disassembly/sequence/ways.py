@@ -36,6 +36,11 @@ class Unit:
         return self.members & (self.members - 1) == 0
 
     @property
+    def is_movable(self) -> bool:
+        """Whether it may leave along any straight line: a part, or a product; a set that only moves as one may not."""
+        return self.single or (self.known is not None and self.known.product is not None)
+
+    @property
     def part(self) -> int:
         """Its position, of a single part; else that of the part whose name stands for all."""
         return self.members.bit_length() - 1 if self.single or self.known is None else self.known.part
@@ -129,7 +134,7 @@ class Ways:
 
         Of equally good ones that along the last direction.
         """
-        if unit.single:
+        if unit.is_movable:
             found = self._straight(unit, remaining, last)
             if found is not None:
                 return Way(direction_index=found, exit_direction=self.directions[found])
@@ -138,8 +143,8 @@ class Ways:
     def open_way(self, unit: Unit, remaining: int) -> Way | None:
         """Return the best way that no map contradicts: quick, for a first look; it may not be free."""
         others = remaining & ~unit.members
-        if unit.single:
-            for _, s, blockers in self._ranking(unit.part):
+        if unit.is_movable:
+            for _, s, blockers in self._ranking(unit.members):
                 if not blockers & others and not is_refused(self._refused, unit.members, s, others):
                     return Way(direction_index=s, exit_direction=self.directions[s])
         return self._known(unit, others)
@@ -151,8 +156,6 @@ class Ways:
         """
         blocking = self._cascade.blocking
         if blocking.masks(part, direction_index)[0] & others:
-            return False
-        if is_refused(self._refused, 1 << part, direction_index, others):
             return False
         known = self._lines.free.setdefault((part, direction_index), [])
         if any(others & ~free == 0 for free in known):
@@ -184,16 +187,17 @@ class Ways:
         return stage is not None and unit.single and stage.can_recall(separation) and not separation.hits & others
 
     def _straight(self, unit: Unit, remaining: int, last: int | None) -> int | None:
-        part = unit.part
-        others = remaining & ~(1 << part)
-        key = (part, others)
+        members = unit.members
+        others = remaining & ~members
+        key = (members, others)
         if key not in self._best:
             self._best[key] = self._find(unit, others)
         best = self._best[key]
         if best is None or last is None or best[0] == last:
             return None if best is None else best[0]
-        rank = next((r for r, s, _ in self._ranking(part) if s == last), None)
-        alike = rank == best[1] and self.is_free(part, last, others) and not self._is_ploughing(part, last, others)
+        rank = next((r for r, s, _ in self._ranking(members) if s == last), None)
+        alike = rank == best[1] and self._leaves(members, last, others)
+        alike = alike and not self._is_ploughing(members, last, others)
         return last if alike else best[0]
 
     def _find(self, unit: Unit, others: int) -> tuple[int, tuple[int, int]] | None:
@@ -201,40 +205,48 @@ class Ways:
 
         A direction that is no axis of the part is asked only where it is not known how else the part leaves.
         """
-        part, ploughing = unit.part, None
+        members, ploughing = unit.members, None
         is_known = self._known(unit, others) is not None
-        for rank, s, blockers in self._ranking(part):
+        for rank, s, blockers in self._ranking(members):
             if blockers & others or (rank[1] and is_known):
                 continue
-            if self._is_ploughing(part, s, others):
-                if ploughing is None and self.is_free(part, s, others):
+            if self._is_ploughing(members, s, others):
+                if ploughing is None and self._leaves(members, s, others):
                     ploughing = (s, rank)
                 continue
-            if self.is_free(part, s, others):
+            if self._leaves(members, s, others):
                 return s, rank
         return ploughing
 
-    def _is_ploughing(self, part: int, direction_index: int, others: int) -> bool:
+    def _leaves(self, members: int, direction_index: int, others: int) -> bool:
+        """Whether all of these leave along a direction past the others."""
+        if is_refused(self._refused, members, direction_index, others):
+            return False
+        return all(self.is_free(part, direction_index, others) for part in bits(members))
+
+    def _is_ploughing(self, members: int, direction_index: int, others: int) -> bool:
         shared = self._cascade.shared
-        for other in shared.overlapping(part, bits(others)):
-            key = (part, other, direction_index)
-            ploughs = self._lines.ploughs
-            if key not in ploughs:
-                ploughs[key] = shared.ploughs(part, [other], self.directions[direction_index])
-            if ploughs[key]:
-                return True
+        ploughs = self._lines.ploughs
+        for part in bits(members):
+            for other in shared.overlapping(part, bits(others)):
+                key = (part, other, direction_index)
+                if key not in ploughs:
+                    ploughs[key] = shared.ploughs(part, [other], self.directions[direction_index])
+                if ploughs[key]:
+                    return True
         return False
 
-    def _ranking(self, part: int) -> list[tuple[tuple[int, int], int, int]]:
-        """The directions that a part may take, best first, each with a rank that equally good ones share, and the mask
-        of the parts that block it by the coarse maps.
+    def _ranking(self, members: int) -> list[tuple[tuple[int, int], int, int]]:
+        """The directions that a part, or a product, may take, best first, each with a rank that equally good ones
+        share, and the mask of the parts that block it by the coarse maps.
 
         First a fastener's own axis. Then up, sideways, down; in each, the axes of the part's own faces and holes before
         all others, and the steeper before the flatter.
         """
-        if part not in self._ranked:
-            own = self._scene.own_lines(part)
-            fastener = self._scene.fasteners.get(part)
+        if members not in self._ranked:
+            parts = bits(members)
+            own = np.concatenate([self._scene.own_lines(part) for part in parts])
+            fastener = self._scene.fasteners.get(parts[0]) if len(parts) == 1 else None
             found = []
             for s, direction in enumerate(self.directions):
                 along = float(direction @ self._up)
@@ -249,9 +261,14 @@ class Ways:
                 # sideways and down, the axis that is level, or straight down, is not worse than one that leans up
                 lean = -along if level <= 0 else abs(along) if level == 1 else along
                 found.append(((level, feature), round(lean, 6), s))
-            masks = self._cascade.blocking.masks
-            self._ranked[part] = [(rank, s, masks(part, s)[0]) for rank, _, s in sorted(found)]
-        return self._ranked[part]
+            self._ranked[members] = [(rank, s, self._blockers(parts, s)) for rank, _, s in sorted(found)]
+        return self._ranked[members]
+
+    def _blockers(self, parts: Sequence[int], direction_index: int) -> int:
+        mask = 0
+        for part in parts:
+            mask |= self._cascade.blocking.masks(part, direction_index)[0]
+        return mask
 
 
 class Work:

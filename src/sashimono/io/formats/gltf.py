@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from sashimono.errors import InputError
+from sashimono.io.raw import Occurrence
 
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -32,8 +33,8 @@ class Leaf:
     """The node's own name, or empty."""
     mesh: str
     """The mesh's name (the product, in a STEP file), or empty."""
-    ancestors: tuple[str, ...]
-    """Names of the nodes above, nearest first."""
+    above: tuple[Occurrence, ...]
+    """The nodes above, nearest first."""
     T_world_node: Float[np.ndarray, "4 4"]
     """Product of the placements, perhaps with scale or mirroring [m]."""
     vertices: Float[np.ndarray, "vertex 3"]
@@ -41,6 +42,11 @@ class Leaf:
     color: tuple[float, float, float] | None
     shape: tuple
     """Equal for nodes that show the same geometry."""
+
+    @property
+    def ancestors(self) -> tuple[str, ...]:
+        """Names of the nodes above, nearest first."""
+        return tuple(node.name for node in self.above)
 
 
 class Document:
@@ -132,23 +138,24 @@ class Document:
         nodes = self.json.get("nodes", [])
         below = {c for node in nodes for c in node.get("children", ())}
         roots = scenes[self.json.get("scene", 0)].get("nodes", []) if scenes else sorted(set(range(len(nodes))) - below)
-        stack = [(k, np.eye(4), ()) for k in reversed(roots)]
+        stack: list[tuple[int, np.ndarray, tuple[Occurrence, ...]]] = [(k, np.eye(4), ()) for k in reversed(roots)]
         visited = 0
         while stack:
-            index, T_world_parent, ancestors = stack.pop()
+            index, T_world_parent, above = stack.pop()
             visited += 1
             if visited > len(nodes):
                 raise ValueError("its nodes do not form a tree")
             node = nodes[index]
             T_world_node = T_world_parent @ _local(node)
             name = str(node.get("name", ""))
-            stack += [(c, T_world_node, (name, *ancestors)) for c in reversed(node.get("children", []))]
+            own = Occurrence(number=visited, name=name)
+            stack += [(c, T_world_node, (own, *above)) for c in reversed(node.get("children", []))]
             if "mesh" not in node:
                 continue
             vertices, faces, color, shape = self.mesh(node["mesh"])
             if len(faces):
                 yield Leaf(
-                    node=name, mesh=str(self.json["meshes"][node["mesh"]].get("name", "")), ancestors=ancestors,
+                    node=name, mesh=str(self.json["meshes"][node["mesh"]].get("name", "")), above=above,
                     T_world_node=T_world_node, vertices=vertices, faces=faces, color=color, shape=shape,
                 )  # fmt: skip
 

@@ -13,7 +13,7 @@ from sashimono.geometry import se3
 from sashimono.io.formats.gltf import read_gltf
 from sashimono.io.formats.threemf import read_3mf
 from sashimono.io.names import choose_name
-from sashimono.io.raw import METRES, RawAssembly, RawPart
+from sashimono.io.raw import METRES, Occurrence, RawAssembly, RawPart
 
 
 def read_gltf_scene(path: Path, data: bytes, *, most: int) -> RawAssembly:
@@ -23,7 +23,7 @@ def read_gltf_scene(path: Path, data: bytes, *, most: int) -> RawAssembly:
     parts = [
         place(
             name=choose_name((leaf.node, leaf.mesh, *leaf.ancestors)), where=str(path), T=leaf.T_world_node,
-            vertices=leaf.vertices, faces=leaf.faces, color=leaf.color, shape=shape,
+            vertices=leaf.vertices, faces=leaf.faces, color=leaf.color, shape=shape, products=leaf.above[::-1],
         )
         for leaf, shape in zip(leaves, shapes, strict=True)
     ]  # fmt: skip
@@ -40,7 +40,7 @@ def read_3mf_scene(path: Path, data: bytes, *, most: int) -> RawAssembly:
         T[:3, 3] *= METRES[unit]
         parts.append(place(
             name=choose_name(p.names), where=str(path), T=T, vertices=p.vertices * METRES[unit], faces=p.faces,
-            color=p.color, shape=shape,
+            color=p.color, shape=shape, products=p.above,
         ))  # fmt: skip
     return RawAssembly(parts=tuple(parts), unit=unit, files={path.name: data}, split_single=True)
 
@@ -60,6 +60,7 @@ def place(
     faces: Int[np.ndarray, "face 3"],
     color: tuple[float, float, float] | None,
     shape: int,
+    products: tuple[Occurrence, ...] = (),
 ) -> RawPart:
     """Return a part with a rigid pose: scale, shear and mirroring of the placement go into the vertices.
 
@@ -73,11 +74,11 @@ def place(
     if np.linalg.det(rotation) > 0.0 and np.abs(scales - 1.0).max() < 1e-5:
         return RawPart(
             name=name, where=where, vertices=vertices, faces=faces, color=color, shape=shape,
-            T_world_part=se3.make(rotation, T[:3, 3]),
+            T_world_part=se3.make(rotation, T[:3, 3]), products=products,
         )  # fmt: skip
     if np.linalg.det(rotation) < 0.0:
         rotation, faces = -rotation, faces[:, ::-1]
     return RawPart(
         name=name, where=where, vertices=vertices @ (rotation.T @ linear).T, faces=faces, color=color, shape=None,
-        T_world_part=se3.make(rotation, T[:3, 3]),
+        T_world_part=se3.make(rotation, T[:3, 3]), products=products,
     )  # fmt: skip

@@ -15,8 +15,8 @@ from sashimono.io.formats import step_to_glb
 from sashimono.io.formats.gltf import Leaf, read_gltf
 from sashimono.io.formats.scenes import number_shapes, place
 from sashimono.io.mending.mend import closes
-from sashimono.io.names import choose_name
-from sashimono.io.raw import RawAssembly, ReadConfig, refuse_many
+from sashimono.io.names import choose_name, says_nothing
+from sashimono.io.raw import Occurrence, RawAssembly, ReadConfig, refuse_many
 
 _log = logging.getLogger(__name__)
 
@@ -39,10 +39,12 @@ def read_step(path: Path, data: bytes, config: ReadConfig) -> RawAssembly:
     leaves, _ = read_gltf(glb, None, str(path), most=config.max_parts)
     leaves, retried = _retry_open(leaves, data, path, config)
     shapes = number_shapes([leaf.shape for leaf in leaves])
+    products = _product_names(data)
     parts = [
         place(
             name=choose_name((leaf.mesh, leaf.node, *leaf.ancestors)), where=str(path), T=leaf.T_world_node,
             vertices=leaf.vertices, faces=leaf.faces, color=leaf.color, shape=shape,
+            products=tuple(_named(use, products) for use in reversed(leaf.above)),
         )
         for leaf, shape in zip(leaves, shapes, strict=True)
     ]  # fmt: skip
@@ -101,6 +103,36 @@ def _convert(data: bytes, config: ReadConfig, factor: float) -> tuple[bytes, str
     if said:
         _log.debug("OpenCASCADE: %s", said)
     return glb, said
+
+
+_TEXT = rb"'((?:[^']|'')*)'"
+_USE = re.compile(rb"=\s*NEXT_ASSEMBLY_USAGE_OCCURRENCE\s*\(\s*%b\s*,\s*%b[^;]*?#\d+\s*,\s*#(\d+)" % (_TEXT, _TEXT))
+_DEFINITION = re.compile(rb"#(\d+)\s*=\s*PRODUCT_DEFINITION\w*\s*\(\s*%b\s*,[^;]*?#(\d+)" % _TEXT)
+_PRODUCT = re.compile(rb"#(\d+)\s*=\s*PRODUCT\s*\(\s*%b\s*,\s*%b" % (_TEXT, _TEXT))
+
+
+def _product_names(data: bytes) -> dict[str, str]:
+    """Return the names of the products by what the file calls their uses, where a use has but one product.
+
+    The converter names a nested product by its use, which many programs only number ("NAUO6").
+    """
+    definitions = {number: above for number, _, above in _DEFINITION.findall(data)}
+    names = {number: second.strip() or first for number, first, second in _PRODUCT.findall(data)}
+    found: dict[bytes, set[bytes]] = {}
+    for first, second, definition in _USE.findall(data):
+        name = names.get(definitions.get(definitions.get(definition, b""), b""), b"")
+        for use in {first, second}:
+            found.setdefault(use.strip(), set()).add(name)
+    return {
+        use.decode("latin-1"): only.decode("latin-1").replace("''", "'")
+        for use, (only, *more) in ((use, sorted(products)) for use, products in found.items())
+        if not more
+    }
+
+
+def _named(use: Occurrence, products: dict[str, str]) -> Occurrence:
+    """Return the use of a product, called like the product where its own name says nothing."""
+    return replace(use, name=products.get(use.name, use.name)) if says_nothing(use.name) else use
 
 
 def _reason(said: str) -> str:

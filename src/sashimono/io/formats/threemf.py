@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.errors import InputError
-from sashimono.io.raw import linear_rgb
+from sashimono.io.raw import Occurrence, linear_rgb
 
 _CORE = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
 _PATH = "{http://schemas.microsoft.com/3dmanufacturing/production/2015/06}path"
@@ -33,6 +33,8 @@ class Placed:
 
     names: tuple[str, ...]
     """Names from the mesh's object outward."""
+    above: tuple[Occurrence, ...]
+    """The objects that it is a component of, the outermost first."""
     T_world_mesh: Float[np.ndarray, "4 4"]
     vertices: Float[np.ndarray, "vertex 3"]
     faces: Int[np.ndarray, "face 3"]
@@ -48,6 +50,8 @@ class _Package:
     models: dict[str, ElementTree.Element] = field(default_factory=dict)
     objects: dict[str, dict[str | None, ElementTree.Element]] = field(default_factory=dict)
     meshes: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    uses: int = 0
+    """How many objects were placed so far."""
 
     def model(self, path: str) -> ElementTree.Element:
         if path not in self.models:
@@ -63,13 +67,20 @@ class _Package:
         return self.objects[path][object_id]
 
     def place(
-        self, path: str, object_id: str, T: Float[np.ndarray, "4 4"], names: tuple[str, ...], out: list[Placed]
+        self,
+        path: str,
+        object_id: str,
+        T: Float[np.ndarray, "4 4"],
+        above: tuple[Occurrence, ...],
+        out: list[Placed],
     ) -> None:
         """Append the meshes of an object, and of the objects it is composed of."""
-        if len(names) > _DEEPEST:
+        if len(above) > _DEEPEST:
             raise ValueError("its components do not form a tree")
         element = self.find(path, object_id)
-        names = (element.get("name", ""), *names)
+        self.uses += 1
+        own = Occurrence(number=self.uses, name=element.get("name", ""))
+        names = (own.name, *(each.name for each in reversed(above)))
         mesh = element.find(f"{_CORE}mesh")
         if mesh is not None:
             vertices, faces = self._mesh(path, object_id, mesh)
@@ -77,12 +88,12 @@ class _Package:
                 if len(out) == self.most:
                     raise ValueError(f"it places more than {self.most} meshes")
                 out.append(Placed(
-                    names=names, T_world_mesh=T, vertices=vertices, faces=faces,
+                    names=names, above=above, T_world_mesh=T, vertices=vertices, faces=faces,
                     color=self._color(path, element), shape=(path, object_id),
                 ))  # fmt: skip
         for component in element.iterfind(f"{_CORE}components/{_CORE}component"):
             inner = component.get(_PATH, path).lstrip("/")
-            self.place(inner, component.attrib["objectid"], T @ _transform(component), names, out)
+            self.place(inner, component.attrib["objectid"], T @ _transform(component), (*above, own), out)
 
     def _mesh(self, path: str, object_id: str, mesh: ElementTree.Element) -> tuple[np.ndarray, np.ndarray]:
         if (path, object_id) not in self.meshes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,24 +14,27 @@ from sashimono.io.names import unique_names
 from sashimono.io.raw import ReadConfig
 
 
-def split_parts(parts: Sequence[Part], *, config: ReadConfig) -> tuple[list[Part], list[str]]:
-    """Return the parts, those of several solids taken apart as ``config.split`` says, and notes on them.
+def split_parts(
+    parts: Sequence[Part], *, config: ReadConfig, whole: Collection[str] = ()
+) -> tuple[list[Part], list[str], list[str]]:
+    """Return the parts, those of several solids taken apart as ``config.split`` says, the name of the part that each
+    was in before, and notes on them.
 
     The solids of ``name`` become ``name_1``, ``name_2``, ... in its place, the largest first, cavities with the solid
-    around them, all in the frame of the part.
+    around them, all in the frame of the part. Those named in ``whole`` stay as they are.
     """
     out: list[tuple[str, list[Part]]] = []
     notes = []
     for part in parts:
         pieces = [part.faces]
-        if topology.shells(part.faces).max() > 0:
+        if part.name not in whole and topology.shells(part.faces).max() > 0:
             pieces = _pieces(part, config)
             notes.append(_note(part, pieces, config))
         out.append((part.name, [_piece(part, faces) for faces in pieces] if len(pieces) > 1 else [part]))
     names = unique_names([name for name, members in out for _ in members])
     flat = [piece for _, members in out for piece in members]
     split = [replace(piece, name=name) for name, piece in zip(names, flat, strict=True)]
-    return split, [note for note in notes if note]
+    return split, [name for name, members in out for _ in members], [note for note in notes if note]
 
 
 def _pieces(part: Part, config: ReadConfig) -> list[Int[np.ndarray, "_ 3"]]:

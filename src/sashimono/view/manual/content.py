@@ -49,6 +49,8 @@ class Task:
     """Of the part, or of a subassembly's leading part."""
     brings: str
     """Letter of the chapter that it brings; "" for parts."""
+    product: str
+    """The product of the input's tree that it brings; "" if none."""
     let_go: tuple[str, ...]
     """Parts that were held until here, and stand by themselves now."""
     kept: tuple[str, ...]
@@ -93,6 +95,8 @@ class Chapter:
 
     letter: str
     """Of a subassembly; "" for the product."""
+    product: str
+    """The product of the input's tree that it is; "" if none."""
     members: tuple[str, ...]
     tasks: tuple[Task, ...]
     up: Float[np.ndarray, "3"]
@@ -207,6 +211,7 @@ class _Writer:
                     placed=steps[0].fixed,
                     row=self._rows[steps[0].part],
                     brings="" if below is None else below.letter,
+                    product="" if below is None else below.product,
                     let_go=tuple(name for name in held if name not in steps[-1].held),
                     kept=tuple(name for name in held if name in steps[-1].held),
                     turned=below is not None and float(below.up @ up) < 0.97,
@@ -215,7 +220,15 @@ class _Writer:
                 )
             )
             held = steps[-1].held
-        made = Chapter(letter=letter, members=members, tasks=tuple(tasks), up=_up(plan.table), fixture=plan.fixture)
+        product = "" if isinstance(plan, AssemblyPlan) else plan.product or ""
+        made = Chapter(
+            letter=letter,
+            product=product,
+            members=members,
+            tasks=tuple(tasks),
+            up=_up(plan.table),
+            fixture=plan.fixture,
+        )
         self.chapters.append(made)
         return made
 

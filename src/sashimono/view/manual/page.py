@@ -165,7 +165,8 @@ class _Page:
             f"<td>{_escape(self._kind(row))}</td></tr>\n"
             for row in self._manual.bill
         )
-        heads = "".join(f"<th>{_escape(text)}</th>" for text in head)
+        # what has no words is no heading
+        heads = "".join(f"<th>{_escape(text)}</th>" if text else "<td></td>" for text in head)
         return f'<table class="bill"><thead><tr>{heads}</tr></thead>\n<tbody>{rows}</tbody></table>'
 
     def _kind(self, row: BillRow) -> str:
@@ -183,6 +184,7 @@ class _Page:
         words = self._words
         several = len(self._manual.chapters) > 1
         name = words.subassembly.format(letter=chapter.letter) if chapter.letter else words.product
+        name = f"{name}: {chapter.product}" if chapter.product else name
         beside = f"<p>{_escape(words.turn_chapter)}</p>" if chapter.letter else ""
         head = f"<h2>{_escape(name)}</h2>{beside}" if several else ""
         return f'<section class="chapter">\n{head}{"".join(tasks)}</section>\n'
@@ -214,7 +216,8 @@ class _Page:
     def _name(self, task: Task) -> str:
         words = self._words
         if task.brings:
-            return words.together.format(letter=task.brings)
+            name = words.together.format(letter=task.brings)
+            return f"{name}: {task.product}" if task.product else name
         if len(task.steps) == 1:
             return task.step.part
         return words.times.format(count=len(task.steps), part=task.row.label)
@@ -288,6 +291,12 @@ class _Page:
         if step.moves and step.contact is None:
             detail = f"<small>{_escape(step.contact_reason)}</small>" if step.contact_reason else ""
             said.append(f"{_escape(words.no_contact)} {detail}")
+        for each in task.steps:
+            if each.tool is not None and not each.tool.access:
+                name = tool_words(fastener, words) if (fastener := self._manual.fastener(each.part)) else each.tool.name
+                detail = f"<small>{_escape(each.tool.reason or '')}</small>"
+                said.append(f"{_escape(words.no_room.format(tool=name))} {detail}")
+                break
         if step.declared is not None:
             said.append(_escape(words.declared))
         return said

@@ -3,6 +3,8 @@
 const EDGE_COLOR = "#18222d";
 const GHOST_OPACITY = 0.45;
 const XRAY_OPACITY = 0.25;
+/** How far the pulls of the exploded view follow one another: 0 for all at once. */
+const STAGGER = 2;
 
 function matrixOf(pose) {
   const [a, b, c, x, d, e, f, y, g, h, i, z] = pose;
@@ -33,11 +35,54 @@ class Bodies {
     return { node, mesh, edges, material, edgeMaterial, shapePose: part.shapePose };
   }
 
-  /** Displacement of a part in the exploded view, `amount` in [0, 1]; a part takes part in it once it is placed. */
-  explosion(index, t, amount) {
-    const k = this.timeline.lastStepOf(index);
-    const share = k < 0 ? 1 : this.timeline.progress(k, t);
-    return this.plan.parts[index].explode.map((x) => x * amount * share);
+  /** How much of a pull is done: the last step's comes first; a part takes part in it once it is placed. */
+  #share(turn, t, amount) {
+    const last = Math.max(this.plan.steps.length - 1, 1);
+    const begun = amount * (1 + STAGGER) - (STAGGER * (last - turn)) / last;
+    return Math.min(Math.max(begun, 0), 1) * this.timeline.progress(turn, t);
+  }
+
+  /** Displacement of a part in the exploded view, `amount` in [0, 1]; without its own pull, where it sits then. */
+  explosion(index, t, amount, withOwn = true) {
+    const { explode, assembled } = this.plan.parts[index];
+    const sum = [0, 0, 0];
+    let latest = -1;
+    for (const { turn, by } of withOwn ? explode : explode.slice(0, -1)) {
+      const share = this.#share(turn, t, amount);
+      // pulls inside a subassembly, which are those of earlier steps than its own, turn with it
+      const way = turn < latest ? this.#turned(this.timeline.pose(index, t), assembled, by) : by;
+      for (let i = 0; i < 3; i++) sum[i] += way[i] * share;
+      latest = Math.max(latest, turn);
+    }
+    return sum;
+  }
+
+  /** A direction that goes with a part from its assembled pose to another one. */
+  #turned(pose, assembled, vector) {
+    const displacement = compose(pose, inverse(assembled));
+    return [0, 4, 8].map((i) => displacement[i] * vector[0] + displacement[i + 1] * vector[1] + displacement[i + 2] * vector[2]);
+  }
+
+  /** Lines along which parts are drawn out, from where each sits to where it is drawn: pairs of points [m]. */
+  trails(t, amount, isShown) {
+    return this.plan.parts.flatMap((part, index) => {
+      if (!part.explode.length || !isShown(index)) return [];
+      const { min, max } = this.items[index].mesh.geometry.boundingBox;
+      const middle = [(min.x + max.x) / 2, (min.y + max.y) / 2, (min.z + max.z) / 2];
+      const at = transformPoint(compose(this.timeline.pose(index, t), this.items[index].shapePose), middle);
+      const ends = [false, true].map((withOwn) => this.explosion(index, t, amount, withOwn).map((x, i) => x + at[i]));
+      return ends[0].some((x, i) => x !== ends[1][i]) ? ends : [];
+    });
+  }
+
+  /** Edges of a part's box along the axes of the world as it is assembled [m]. */
+  extents(index) {
+    const item = this.items[index];
+    const { array } = item.mesh.geometry.attributes.position;
+    const pose = compose(this.plan.parts[index].assembled, item.shapePose);
+    const box = new THREE.Box3();
+    for (let i = 0; i < array.length; i += 3) box.expandByPoint(new THREE.Vector3(...transformPoint(pose, [array[i], array[i + 1], array[i + 2]])));
+    return box.getSize(new THREE.Vector3()).toArray();
   }
 
   /** The pose in which a part is drawn: its planned one, displaced in the exploded view. */

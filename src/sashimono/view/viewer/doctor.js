@@ -86,7 +86,7 @@ class Doctor {
     const rows = lines.map((line) => {
       const swatch = element("span", { className: "swatch" });
       swatch.style.background = line.color;
-      const name = element("span", { className: "name", textContent: line.name });
+      const name = line.wrap ? element("span", { className: "name", textContent: line.name }) : nameElement(line.name);
       if (line.wrap) Object.assign(name.style, { whiteSpace: "normal", overflowWrap: "anywhere" });
       const row = element("button", { type: "button", className: "row", title: line.name, onclick: () => this.show(line.key) },
         swatch, name, element("span", { className: "tag", textContent: line.tag }),

@@ -74,9 +74,9 @@ class Explainer {
     const rows = entry.directions.map((direction, d) => {
       const names = direction.blockers.map((blocker) => nameOf(blocker.part)).join(", ");
       const words = direction.blockers.map((b) => `${nameOf(b.part)} after ${b.travel === null ? "?" : formatLength(b.travel)}`).join("; ");
-      return element("button", { type: "button", className: "row", title: names, onclick: () => this.show(k, d) },
+      return element("button", { type: "button", className: "row", title: `${direction.name}: ${names}`, onclick: () => this.show(k, d) },
         element("span", { className: "number", textContent: direction.travel === null ? "?" : String(d + 1) }), this.#swatch(ARROW_COLOR),
-        element("span", { className: "name", textContent: `${direction.name}: ${names}` }),
+        nameElement(`${direction.name}: ${names}`),
         element("span", { className: "tag", textContent: direction.travel === null ? "" : formatLength(direction.travel) }),
         element("span", { className: "more when-current", textContent: words }));
     });

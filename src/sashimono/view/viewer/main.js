@@ -1,6 +1,8 @@
 // The player: time, what is shown, keyboard and mouse; and the hook `window.sashimono` for tests and pictures.
 
 const FLIGHT_MS = 700;
+/** Of the parts that were found by name, so many are marked in the picture. */
+const MOST_MARKED = 40;
 
 class Player {
   constructor() {
@@ -11,7 +13,10 @@ class Player {
     this.speed = 1;
     this.playing = false;
     this.hovered = -1;
-    this.view = { explode: 0, contacts: true, table: true, xray: false, cadColors: false, follow: false };
+    this.view = { explode: 0, contacts: true, table: true, xray: false, cadColors: false, follow: false, section: false, measure: false };
+    this.cut = { axis: 0, share: 0.5, keepUpper: true };
+    this.matches = [];
+    this.aim = null;
     this.chosen = -1;
     this.flight = null;
     this.hidden = new Set();
@@ -26,6 +31,11 @@ class Player {
     this.contacts = new Contacts(this.plan, this.bodies, this.stage.size);
     this.stage.world.add(this.contacts.group);
     this.outline = new Outline(this.stage.renderer);
+    this.section = new Section(this.bodies, this.stage);
+    this.measure = new Measure(this.bodies, this.stage);
+    this.trails = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: "#4b6a8f" }));
+    this.trails.frustumCulled = false;
+    this.stage.world.add(this.trails);
     this.stage.controls.addEventListener("change", () => this.#invalidate(false));
     this.#listen(host);
     this.stage.resize();
@@ -62,6 +72,7 @@ class Player {
       if (event.button === 0 && Math.hypot(event.clientX - x, event.clientY - y) < 5) this.#click(event);
     });
     window.addEventListener("hashchange", () => this.#readLink());
+    window.addEventListener("beforeprint", () => this.#print(host));
     canvas.addEventListener("pointerleave", () => {
       this.pointer = null;
       this.panel.showTip("", 0, 0);
@@ -73,13 +84,29 @@ class Player {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     // a control keeps the keys that are its own
     const control = event.target.closest?.("button, summary, select, input");
-    if (control && (control.matches("select, input") ? event.key.length > 1 || event.key === " " : event.key === " " || event.key === "Enter")) {
-      if (event.key !== "Escape") return;
-    }
-    const actions = {
+    const own = control?.matches("input[type=search]") || (control?.matches("select, input") ? event.key.length > 1 || event.key === " " : event.key === " " || event.key === "Enter");
+    if (control && own && event.key !== "Escape") return;
+    const turn = 0.15;
+    const inPicture = this.view.measure && event.target === this.stage.renderer.domElement;
+    const aims = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    const actions = event.shiftKey && event.key in aims ? {
+      ArrowLeft: () => this.stage.turn(turn, 0), ArrowRight: () => this.stage.turn(-turn, 0),
+      ArrowUp: () => this.stage.turn(0, turn), ArrowDown: () => this.stage.turn(0, -turn),
+    } : inPicture && event.key in aims ? {
+      [event.key]: () => this.#moveAim(...aims[event.key]),
+    } : {
       " ": () => this.toggle(), ArrowLeft: () => this.skip(-1), ArrowRight: () => this.skip(1),
       Home: () => this.setTime(0), End: () => this.setTime(this.plan.duration), f: () => this.fit(),
-      c: () => this.setView({ follow: !this.view.follow }), Escape: () => this.choose(-1),
+      c: () => this.setView({ follow: !this.view.follow }), Escape: () => this.#leave(),
+      "/": () => this.panel.search.focus(), e: () => this.setView({ explode: this.view.explode > 0 ? 0 : 1 }),
+      "+": () => this.stage.zoom(0.85), "=": () => this.stage.zoom(0.85), "-": () => this.stage.zoom(1 / 0.85),
+      s: () => this.setView({ section: !this.view.section }), m: () => this.setView({ measure: !this.view.measure }),
+      ...(inPicture && { Enter: () => this.#pickAtAim() }),
+      ...(this.view.section && {
+        x: () => this.setSection({ axis: 0 }), y: () => this.setSection({ axis: 1 }), z: () => this.setSection({ axis: 2 }),
+        v: () => this.setSection({ flip: true }), ",": () => this.setSection({ share: this.cut.share - 0.02 }),
+        ".": () => this.setSection({ share: this.cut.share + 0.02 }),
+      }),
       ...(this.chosen >= 0 && { h: () => this.hide(this.chosen), i: () => this.isolate(this.chosen) }),
     };
     const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
@@ -130,9 +157,114 @@ class Player {
     this.showStep(k);
   }
 
+  /** Leave what was begun last: measuring, the search, the choice of a part. */
+  #leave() {
+    if (this.view.measure) {
+      if (this.measure.picks.length) this.clearPicks();
+      else this.setView({ measure: false });
+    } else if (this.panel.search.value) this.find("");
+    else this.choose(-1);
+  }
+
+  /** Show the rows of the parts whose names hold a text, and mark these parts; an empty text finds nothing. */
+  find(text) {
+    const wanted = text.trim().toLowerCase();
+    this.matches = wanted ? this.plan.parts.flatMap((part, k) => (part.name.toLowerCase().includes(wanted) ? [k] : [])) : [];
+    this.panel.showFound(wanted ? this.matches : null, text);
+    this.#invalidate(false);
+  }
+
+  /** Choose the first part that was found, or the one after the chosen one, and go to its step. */
+  chooseFound() {
+    if (!this.matches.length) return;
+    const part = this.matches[(this.matches.indexOf(this.chosen) + 1) % this.matches.length];
+    this.#chooseAt(part);
+  }
+
+  /** Cut across axis `axis`, at `share` of the way through what is drawn, or with `flip` show the other side. */
+  setSection({ axis = this.cut.axis, share = this.cut.share, flip = false }) {
+    const turned = axis !== this.cut.axis;
+    this.cut = { axis, share: Math.min(Math.max(share, 0), 1), keepUpper: this.cut.keepUpper !== flip };
+    if (turned) this.#keepFarSide();
+    this.#cutAgain();
+  }
+
+  /** What lies towards the camera is left out. */
+  #keepFarSide() {
+    const along = [0, 1, 2].map((k) => Number(k === this.cut.axis));
+    const { camera, controls } = this.stage;
+    this.cut.keepUpper = camera.position.clone().sub(controls.target).dot(this.stage.directionOf(along)) < 0;
+  }
+
+  #cutAgain() {
+    const { axis, share, keepUpper } = this.cut;
+    const drawn = this.plan.parts.flatMap((part, k) => this.bodies.corners(k, this.bodies.drawnPose(k, this.plan.duration, this.view.explode)));
+    const along = drawn.map((p) => p[axis]);
+    const [low, high] = [Math.min(...along), Math.max(...along)];
+    const at = low + share * (high - low);
+    this.section.set(this.view.section, axis, at, keepUpper);
+    this.outline.clip(this.view.section ? [this.section.plane] : null);
+    this.panel.showSection(this.cut, at);
+    this.#invalidate(true);
+  }
+
+  #moveAim(x, y) {
+    const canvas = this.stage.renderer.domElement;
+    const { clientWidth: width, clientHeight: height } = canvas;
+    this.aim ??= [width / 2, height / 2];
+    this.aim = [Math.min(Math.max(this.aim[0] + 6 * x, 0), width), Math.min(Math.max(this.aim[1] + 6 * y, 0), height)];
+    this.panel.showAim(this.aim);
+    const box = canvas.getBoundingClientRect();
+    this.pointer = { clientX: box.left + this.aim[0], clientY: box.top + this.aim[1] };
+    this.#invalidate(false);
+  }
+
+  #pickAtAim() {
+    if (!this.aim) return this.#moveAim(0, 0);
+    const box = this.stage.renderer.domElement.getBoundingClientRect();
+    this.pickAt({ clientX: box.left + this.aim[0], clientY: box.top + this.aim[1] });
+  }
+
+  /** Take what is under a place of the window as the next pick of the measurement. */
+  pickAt(event) {
+    const hit = this.#hitAt(event);
+    if (hit) this.measure.pick(hit, this.bodies.drawnPose(hit.part, this.time, this.view.explode));
+    this.#tellMeasure();
+  }
+
+  nameAt(event) {
+    const hit = this.#hitAt(event);
+    return hit ? this.plan.parts[hit.part].name : null;
+  }
+
+  clearPicks() {
+    this.measure.picks = [];
+    this.#tellMeasure();
+  }
+
+  #tellMeasure() {
+    this.panel.showMeasure(this.measure.tell(), this.measure.picks.length);
+    this.#invalidate(false);
+  }
+
+  /** Paper gets the picture as it is drawn now. */
+  #print(host) {
+    const { domElement: picture } = this.stage.renderer;
+    this.printed ??= host.appendChild(Object.assign(document.createElement("canvas"), { id: "printed" }));
+    this.printed.setAttribute("role", "img");
+    this.printed.setAttribute("aria-label", "The product at the chosen step");
+    Object.assign(this.printed, { width: picture.width, height: picture.height });
+    this.draw();
+    this.printed.getContext("2d").drawImage(picture, 0, 0);
+  }
+
   /** Choose the part that was clicked, and go to its step; a click beside all parts chooses none. */
   #click(event) {
-    const part = this.#partAt(event);
+    if (this.view.measure) return this.pickAt(event);
+    this.#chooseAt(this.#hitAt(event)?.part ?? -1);
+  }
+
+  #chooseAt(part) {
     if (part < 0 && this.chosen < 0) return;
     this.chosen = part;
     if (part < 0) this.alone = false;
@@ -187,8 +319,16 @@ class Player {
   }
 
   setView(changes) {
+    const began = changes.section && !this.view.section;
     Object.assign(this.view, changes);
     this.panel.showView(this.view);
+    if (began) this.#keepFarSide();
+    if ("section" in changes || ("explode" in changes && this.view.section)) this.#cutAgain();
+    if ("measure" in changes) {
+      this.clearPicks();
+      this.aim = null;
+      this.panel.showAim(null);
+    }
     if (changes.follow) this.stage.userMoved = false;
     if (("explode" in changes || "follow" in changes) && !this.stage.userMoved) this.#frame();
     this.#invalidate(true);
@@ -290,19 +430,24 @@ class Player {
       if (view.follow && !stage.userMoved && this.framed !== this.#scene()) this.#fly();
       this.bodies.update(time, view, view.follow && step ? step.hiding : [], (part) => this.isShown(part));
       this.contacts.update(time, k, view.contacts, view.explode);
+      const trails = view.explode > 0 ? this.bodies.trails(time, view.explode, (part) => this.isShown(part)) : [];
+      this.trails.geometry.setAttribute("position", new THREE.Float32BufferAttribute(trails.flat(), 3));
+      this.trails.visible = trails.length > 0;
+      if (this.measure.keep((part) => this.bodies.drawnPose(part, time, view.explode))) this.panel.showMeasure(this.measure.tell(), 0);
       this.panel.update(time, k, k < 0 ? "hold" : this.timeline.phase(k, time), this.playing);
       stage.table.visible = view.table;
       stage.renderer.shadowMap.needsUpdate = true;
       this.moved = false;
     }
     stage.scene.updateMatrixWorld();
+    this.section.update();
     this.#pick();
     stage.renderer.clear();
     stage.renderer.render(stage.scene, stage.camera);
     const meshesOf = (parts) => parts.map((part) => this.bodies.items[part].mesh);
     const current = this.plan.steps[k];
     const moving = current && this.timeline.state(current.part, time) === "moving" ? current.moving : [];
-    const marked = [...new Set([this.hovered, this.chosen])].filter((part) => part >= 0 && this.isShown(part));
+    const marked = [...new Set([this.hovered, this.chosen, ...this.matches.slice(0, MOST_MARKED)])].filter((part) => part >= 0 && this.isShown(part));
     this.outline.render(stage.camera, meshesOf(moving.filter((part) => this.isShown(part))), meshesOf(marked));
     this.ready = true;
   }
@@ -313,17 +458,19 @@ class Player {
     if (!event) return;
     this.pointer = null;
     const box = this.stage.renderer.domElement.getBoundingClientRect();
-    this.hovered = this.#partAt(event);
-    this.panel.showTip(this.hovered >= 0 ? this.plan.parts[this.hovered].name : "", event.clientX - box.left, event.clientY - box.top);
+    const hit = this.#hitAt(event);
+    this.hovered = hit?.part ?? -1;
+    const feature = this.view.measure && this.measure.featureOf(hit);
+    const what = feature ? `${featureWords(feature)} · ` : "";
+    this.panel.showTip(hit ? what + this.plan.parts[hit.part].name : "", event.clientX - box.left, event.clientY - box.top);
   }
 
-  #partAt(event) {
+  #hitAt(event) {
     const box = this.stage.renderer.domElement.getBoundingClientRect();
     const [x, y] = [event.clientX - box.left, event.clientY - box.top];
     this.raycaster ??= new THREE.Raycaster();
     this.raycaster.setFromCamera(new THREE.Vector2((2 * x) / box.width - 1, 1 - (2 * y) / box.height), this.stage.camera);
-    const shown = this.bodies.items.filter((item, part) => this.isShown(part)).map((item) => item.mesh);
-    return this.raycaster.intersectObjects(shown, false)[0]?.object.userData.part ?? -1;
+    return firstHit(this.raycaster, this.bodies.items.filter((item, part) => this.isShown(part)), this.section);
   }
 }
 
@@ -349,8 +496,18 @@ function start() {
     steps: player.plan.steps.map((step) => ({ label: step.label, part: player.plan.parts[step.part].name, start: step.start, stop: step.stop })),
     /** Show time t, drawn at once. */
     setTime(t) { player.pause(); player.setTime(t); player.draw(); },
-    /** Set any of explode, contacts, table, xray, cadColors, follow; drawn at once. */
+    /** Set any of explode, contacts, table, xray, cadColors, follow, section, measure; drawn at once. */
     setView(changes) { player.setView(changes); player.draw(); },
+    /** Set any of the section's axis, share and flip; drawn at once. */
+    setSection(changes) { player.setSection(changes); player.draw(); },
+    /** Where the section is, and how many parts it cuts. */
+    get section() { player.draw(); return { ...player.cut, on: player.view.section, parts: player.section.cut }; },
+    find(text) { player.find(text); player.draw(); },
+    get found() { return player.matches.map((part) => player.plan.parts[part].name); },
+    /** Pick what is under a place of the window, and say what was measured. */
+    pick(x, y) { player.pickAt({ clientX: x, clientY: y }); player.draw(); return player.measure.tell(); },
+    /** Name of the part under a place of the window; null if none. */
+    partAt(x, y) { return player.nameAt({ clientX: x, clientY: y }); },
     play() { if (!player.playing) player.toggle(); },
     pause() { player.pause(); },
     get chosen() { return player.chosen < 0 ? null : player.plan.parts[player.chosen].name; },
@@ -358,6 +515,7 @@ function start() {
     isShown(name) { return player.isShown(indexOf.get(name)); },
     /** Where a point of the world is in the picture [pixels]. */
     pixelOf(point) {
+      player.stage.scene.updateMatrixWorld();
       const p = player.stage.toScene(point).project(player.stage.camera);
       const box = player.stage.renderer.domElement.getBoundingClientRect();
       return [box.left + (0.5 + 0.5 * p.x) * box.width, box.top + (0.5 - 0.5 * p.y) * box.height];

@@ -42,6 +42,11 @@ class Outline {
     return mesh;
   }
 
+  /** Leave out what lies before these planes. */
+  clip(planes) {
+    for (const material of this.maskMaterials) material.clippingPlanes = planes;
+  }
+
   /** Draw one outline around the moving meshes and one around the hovered, over the picture that is there. */
   render(camera, moving, hovered) {
     if (!moving.length && !hovered.length) return;

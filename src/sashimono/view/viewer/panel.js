@@ -61,7 +61,8 @@ function describeStep(step) {
     facts.push(`screwed in, pitch ${formatLength(step.declaredPitch)} (declared: the CAD has no thread)`);
   }
   if (step.contact) facts.push(contactWords(step));
-  else if (step.contactReason) facts.push(`no grasp: ${step.contactReason}`);
+  else if (step.contactReason && step.poses.length > 1) facts.push(`no grasp: ${step.contactReason}`);
+  if (step.toolBlocked) facts.push(`${step.tool}: ${step.toolBlocked}`);
   if (step.held.length) facts.push(`hold ${step.held.join(", ")}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");
@@ -70,8 +71,11 @@ function describeStep(step) {
 const TURN = "Turn the product over";
 const PHASES = { hold: "", turn: " · turned over, a way that is not planned", carry: " · carried over, a way that is not planned", transit: " · on its way from where it waits", insertion: " · going in" };
 const KEYS = [
-  ["Space", "play or pause"], ["← →", "previous, next step"], ["Home, End", "first, last"], ["F", "show everything"],
-  ["C", "follow each step"], ["H", "hide the chosen part"], ["I", "show the chosen part alone"], ["Esc", "choose none, show all"],
+  ["Space", "play or pause"], ["← →", "previous, next step"], ["Home, End", "first, last"], ["/", "find a part by its name"],
+  ["F", "show everything"], ["Shift + ← → ↑ ↓", "turn the view"], ["+ −", "nearer, farther"], ["C", "follow each step"],
+  ["E", "draw apart, together"], ["H", "hide the chosen part"], ["I", "show the chosen part alone"], ["S", "cut by a plane"],
+  ["X Y Z", "axis of the cut"], [", .", "move the cut"], ["V", "other side of the cut"], ["M", "measure"],
+  ["Arrows, Enter", "in the picture: aim and pick"], ["Esc", "leave, choose none, show all"],
 ];
 
 /** A name that is cut in its middle where there is no room: the end tells _1 from _2. */
@@ -109,11 +113,10 @@ class Panel {
     ]));
     const header = element("header", {}, element("h1", { textContent: plan.title }),
       element("span", { className: complete || unplanned ? "badge" : "badge partial", textContent: badge }),
-      unplanned ? null : element("p", { className: "note", textContent: plan.verdict }), list);
+      unplanned ? null : element("p", { className: "note", textContent: plan.verdict }), list, this.#finder());
     const lists = element("div", { id: "lists" });
-    if (plan.unsolved.length) {
-      lists.append(element("h2", { textContent: "Unsolved" }), element("ol", {}, ...plan.unsolved.map((item) => this.#unsolvedRow(item))));
-    }
+    this.unsolvedRows = plan.unsolved.map((item) => this.#unsolvedRow(item));
+    if (plan.unsolved.length) lists.append(element("h2", { textContent: "Unsolved" }), element("ol", {}, ...this.unsolvedRows));
     this.rows = plan.steps.map((step, k) => this.#stepRow(step, k));
     lists.append(element("h2", { textContent: "Steps" }), element("ol", {}, ...this.rows.map((row) => element("li", {}, row))));
     if (plan.notes.length) {
@@ -121,6 +124,30 @@ class Panel {
     }
     this.lists = lists;
     document.getElementById("side").replaceChildren(header, lists);
+  }
+
+  /** A field that leaves the rows of the parts whose names hold what is typed. */
+  #finder() {
+    this.search = element("input", { type: "search", placeholder: "Find a part (/)", autocomplete: "off", spellcheck: false });
+    this.search.setAttribute("aria-label", "Find a part by its name");
+    this.found = element("span", { className: "note" });
+    this.found.setAttribute("role", "status");
+    this.search.addEventListener("input", () => this.player.find(this.search.value));
+    this.search.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") this.player.chooseFound();
+      if (event.key === "Escape" && !this.search.value) this.search.blur();
+    });
+    return element("div", { id: "finder" }, this.search, this.found);
+  }
+
+  /** Show only the rows with one of these parts, or with null all. */
+  showFound(parts, text) {
+    const known = parts && new Set(parts);
+    const shown = (members) => !known || members.some((part) => known.has(part));
+    this.rows.forEach((row, k) => (row.parentElement.hidden = !shown(this.plan.steps[k].moving)));
+    this.unsolvedRows.forEach((row, k) => (row.hidden = !shown([this.plan.unsolved[k].part])));
+    this.found.textContent = parts ? `${parts.length} of ${this.plan.parts.length} parts` : "";
+    if (this.search.value !== text) this.search.value = text;
   }
 
   /** "5", or "5, and 3 inside subassemblies". */
@@ -137,7 +164,7 @@ class Panel {
   }
 
   #stepRow(step, k) {
-    const name = step.turns ? TURN : this.plan.parts[step.part].name;
+    const name = step.turns ? TURN : step.product ?? this.plan.parts[step.part].name;
     const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
     const row = element("button", { type: "button", className: step.depth ? "row inside" : "row", title: name, onclick: () => this.player.showStep(k) },
       element("span", { className: "number", textContent: step.label }), this.#swatch(step.part),
@@ -157,7 +184,13 @@ class Panel {
   #title(step) {
     if (step.turns) return TURN;
     const others = step.moving.length - 1;
+    if (step.product) return `${step.product}, ${others + 1} parts`;
     return this.plan.parts[step.part].name + (others > 0 ? ` and ${others} more` : "");
+  }
+
+  #titleNodes(step) {
+    const others = step.moving.length - 1;
+    return [nameElement(this.plan.parts[step.part].name), ...(others > 0 ? [` and ${others} more`] : [])];
   }
 
   #unsolvedRow(item) {
@@ -212,12 +245,14 @@ class Panel {
     this.explode = element("input", { type: "range", min: 0, max: 1, step: 0.01, value: 0 });
     this.explode.addEventListener("input", () => player.setView({ explode: Number(this.explode.value) }));
     document.getElementById("tools").append(
-      element("label", {}, "Explode", this.explode), toggle("contacts", "Contacts", "Show how the moving part is held"),
-      toggle("table", "Table", "Show the table and the tray"), toggle("xray", "See through", "Make placed parts transparent"),
+      element("label", {}, "Explode", this.explode), toggle("section", "Section", "Cut by a plane (S)"),
+      toggle("measure", "Measure", "Distances and angles between two picks (M)"),
       toggle("follow", "Follow", "Look at each step from where it is best seen (C)"),
-      ...(this.plan.parts.some((part) => part.cadColor) ? [toggle("cadColors", "CAD colours", "Use the colours of the source file")] : []),
+      this.#menu("Show", element("div", {}, toggle("contacts", "Contacts", "Show how the moving part is held"),
+        toggle("table", "Table", "Show the table and the tray"), toggle("xray", "See through", "Make placed parts transparent"),
+        ...(this.plan.parts.some((part) => part.cadColor) ? [toggle("cadColors", "CAD colours", "Use the colours of the source file")] : []))),
       element("button", { type: "button", textContent: "Fit", title: "Show everything (F)", onclick: () => player.fit() }),
-      this.#shortcuts());
+      this.#menu("Keys", this.#shortcuts()), this.#cutter(), this.#gauge());
     this.showView(player.view);
     this.choice = element("div", { id: "choice", hidden: true });
     this.choice.setAttribute("role", "group");
@@ -227,7 +262,67 @@ class Panel {
 
   #shortcuts() {
     const list = element("dl", {}, ...KEYS.flatMap(([key, what]) => [element("dt", { textContent: key }), element("dd", { textContent: what })]));
-    return element("details", { className: "keys" }, element("summary", { textContent: "Keys" }), list);
+    // where it is too long for the window, the arrow keys move it
+    const frame = element("div", { className: "keys", tabIndex: 0 }, list);
+    frame.setAttribute("role", "region");
+    frame.setAttribute("aria-label", "Keys");
+    return frame;
+  }
+
+  /** A list that opens below its word, and closes when something else is pressed. */
+  #menu(label, list) {
+    const menu = element("details", { className: "menu" }, element("summary", { textContent: label }), list);
+    document.addEventListener("pointerdown", (event) => { if (!menu.contains(event.target)) menu.open = false; });
+    menu.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape" || !menu.open) return;
+      menu.open = false;
+      menu.firstChild.focus();
+      event.stopPropagation();
+    });
+    return menu;
+  }
+
+  /** What the section is set by. */
+  #cutter() {
+    const { player } = this;
+    this.axes = AXES.map((name, axis) => {
+      const node = element("button", { type: "button", textContent: name, title: `Cut across ${name} (${name})`, onclick: () => player.setSection({ axis }) });
+      node.setAttribute("aria-label", `Cut across the ${name} axis`);
+      return node;
+    });
+    this.place = element("input", { type: "range", min: 0, max: 1, step: 0.001, value: 0.5 });
+    this.place.setAttribute("aria-label", "Place of the cut");
+    this.place.addEventListener("input", () => player.setSection({ share: Number(this.place.value) }));
+    this.placeWords = element("output");
+    this.cutter = element("div", { id: "cutter", hidden: true }, ...this.axes, this.place, this.placeWords,
+      element("button", { type: "button", textContent: "Flip", title: "Show the other side of the cut (V)", onclick: () => player.setSection({ flip: true }) }));
+    this.cutter.setAttribute("role", "group");
+    this.cutter.setAttribute("aria-label", "Section");
+    return this.cutter;
+  }
+
+  showSection({ axis, share }, at) {
+    this.axes.forEach((node, k) => node.setAttribute("aria-pressed", String(k === axis)));
+    this.place.value = share;
+    this.placeWords.textContent = `${AXES[axis].toLowerCase()} = ${(Math.round(1e5 * at) / 100 || 0).toFixed(2)} mm`;
+    this.place.setAttribute("aria-valuetext", this.placeWords.textContent);
+  }
+
+  /** What was measured. */
+  #gauge() {
+    this.measured = element("dl");
+    this.hint = element("p", { className: "note" });
+    this.gauge = element("div", { id: "gauge", hidden: true }, this.hint, this.measured,
+      element("button", { type: "button", textContent: "Clear", title: "Forget what was picked (Esc)", onclick: () => this.player.clearPicks() }));
+    this.gauge.setAttribute("role", "group");
+    this.gauge.setAttribute("aria-label", "Measure");
+    this.hint.setAttribute("role", "status");
+    return this.gauge;
+  }
+
+  showMeasure(rows, count) {
+    this.hint.textContent = ["Pick a corner, an edge or a face.", "Pick another one.", "A third pick begins anew."][count];
+    this.measured.replaceChildren(...rows.flatMap(([what, value]) => [element("dt", { textContent: what }), element("dd", { textContent: value })]));
   }
 
   /** Say which part is chosen, and what can be done with it; nothing is chosen with -1. */
@@ -236,7 +331,8 @@ class Panel {
     const { player } = this;
     const act = (label, title, onclick) => element("button", { type: "button", textContent: label, title, onclick });
     this.choice.replaceChildren(...(part < 0 ? [] : [
-      element("b", {}, nameElement(this.plan.parts[part].name)),
+      element("div", {}, element("b", {}, nameElement(this.plan.parts[part].name)),
+        element("span", { textContent: player.bodies.extents(part).map(formatLength).join(" × "), title: "Size along x, y and z as assembled" })),
       act("Hide", "Hide this part (H)", () => player.hide(part)),
       act(alone ? "With others" : "Alone", "Show this part alone (I)", () => player.isolate(part)),
     ]), ...(hidden ? [act("Show all", "Show all parts again (Esc)", () => player.choose(-1))] : []));
@@ -246,6 +342,8 @@ class Panel {
   showView(view) {
     this.explode.value = view.explode;
     for (const [key, node] of Object.entries(this.toggles)) node.setAttribute("aria-pressed", String(view[key]));
+    this.cutter.hidden = !view.section;
+    this.gauge.hidden = !view.measure;
   }
 
   update(t, k, phase, playing) {
@@ -264,7 +362,7 @@ class Panel {
     const what = step && step.poses.length < 2 ? " · base part, stays in place" : PHASES[phase];
     const where = step && step.depth ? " · inside a subassembly" : "";
     this.caption.replaceChildren(
-      element("b", { textContent: step ? this.#title(step) : "No step was found" }),
+      element("b", {}, ...(step ? this.#titleNodes(step) : ["No step was found"])),
       element("span", { textContent: step ? `Step ${step.label} of ${plan.steps.at(-1).label}${where}${over ? " · done" : what}` : "All parts are shown in place" }));
     this.slider.setAttribute("aria-valuetext", step ? `step ${step.label}, ${this.#title(step)}, ${seconds(t)}` : seconds(t));
     if (this.current === k) return;
@@ -283,9 +381,16 @@ class Panel {
     if (here.top < view.top || here.bottom > view.bottom) scroller.scrollTop += here.top - view.top - view.height / 3;
   }
 
+  /** The cross with which a keyboard aims; null for none. */
+  showAim(place) {
+    this.cross ??= document.getElementById("stage").appendChild(element("div", { id: "aim" }));
+    this.cross.hidden = !place;
+    if (place) Object.assign(this.cross.style, { left: `${place[0]}px`, top: `${place[1]}px` });
+  }
+
   showTip(name, x, y) {
     this.tip.hidden = !name;
-    this.tip.textContent = name;
+    this.tip.replaceChildren(nameElement(name));
     this.tip.style.left = `${x}px`;
     this.tip.style.top = `${y}px`;
   }

@@ -6,13 +6,17 @@ const FIELD_OF_VIEW = 30;
 class Stage {
   constructor(host, plan, bodies, framed) {
     this.host = host;
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, stencil: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.shadowMap.enabled = true;
     this.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
     this.renderer.shadowMap.autoUpdate = false;
     this.renderer.autoClear = false;
-    host.prepend(this.renderer.domElement);
+    const canvas = this.renderer.domElement;
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "application");
+    canvas.setAttribute("aria-label", "Picture of the product. Drag to turn it; with the keyboard, Shift and an arrow key turn it, plus and minus come nearer and go away.");
+    host.prepend(canvas);
 
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 50);
@@ -118,6 +122,26 @@ class Stage {
       line.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
       this.table.add(pocket, new THREE.LineSegments(line, rim));
     }
+  }
+
+  /** Turn the view about what it looks at, by angles to the side and upwards [rad]. */
+  turn(aside, upwards) {
+    const { camera, controls } = this;
+    const arm = new THREE.Spherical().setFromVector3(camera.position.clone().sub(controls.target));
+    arm.theta += aside;
+    arm.phi -= upwards;
+    arm.makeSafe();
+    camera.position.setFromSpherical(arm).add(controls.target);
+    this.userMoved = true;
+    controls.update();
+  }
+
+  /** Come nearer (below 1) or go away. */
+  zoom(factor) {
+    const { camera, controls } = this;
+    camera.position.sub(controls.target).multiplyScalar(factor).add(controls.target);
+    this.userMoved = true;
+    controls.update();
   }
 
   resize() {

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from sashimono.assembly import Assembly, Part
+from sashimono.assembly import Assembly, Part, html_table
 from sashimono.fasteners.recognise import Fastener
 
 Severity = Literal["error", "warning", "note"]
@@ -92,6 +92,19 @@ class Diagnosis:
     """For each sound part, the parts that it touches."""
     treatments: tuple[Treatment, ...] = ()
     """One for each part."""
+
+    def __repr__(self) -> str:
+        counts = [
+            f"{count} {severity}{'' if count == 1 else 's'}"
+            for severity in ("error", "warning", "note")
+            if (count := sum(finding.severity == severity for finding in self.findings))
+        ]
+        parts = len(self.assembly) + len(self.broken)
+        return f"Diagnosis({parts} parts, {self.size_words}; {', '.join(counts) or 'nothing to say'})"
+
+    def _repr_html_(self) -> str:
+        rows = [(finding.severity, finding.kind, finding.message, finding.way_out) for finding in self.findings]
+        return html_table(repr(self), ("", "about", "finding", "way out"), rows)
 
     @property
     def ok(self) -> bool:

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, Overlap
-from sashimono.doctor.config import DoctorConfig
-from sashimono.doctor.findings import Clearance, Guess, PairOverlap
+from sashimono.examination.config import DoctorConfig
+from sashimono.examination.findings import Clearance, Guess, PairOverlap
 from sashimono.fasteners.recognise import Fastener
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly
-from sashimono.diff.parts import PartChange, common_displacement
 from sashimono.geometry import se3
 from sashimono.plan import AssemblyPlan, Contact, DeclaredHelix, Fixture, Motion, Step, Subassembly, Table
+from sashimono.revision.parts import PartChange, common_displacement
 
 Pose = Float[np.ndarray, "4 4"]
 

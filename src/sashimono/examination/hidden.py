@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sashimono.assembly import Assembly, Part
-from sashimono.doctor.config import DoctorConfig
+from sashimono.examination.config import DoctorConfig
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.geometry.distance.rays import cast_rays

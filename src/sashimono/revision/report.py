@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sashimono.diff.compare import Revision
-from sashimono.diff.parts import PartChange
+from sashimono.revision.compare import Revision
+from sashimono.revision.parts import PartChange
 
 FORMAT, VERSION = "sashimono.diff", 1
 

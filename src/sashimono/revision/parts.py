@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Part
-from sashimono.diff.sources import Side
 from sashimono.geometry import se3
 from sashimono.geometry.mesh import measures
 from sashimono.geometry.mesh.shapes import rigid_motion
+from sashimono.revision.sources import Side
 
 MOVED = 1e-4
 """A part has moved if a point of it has by more than this, over the part's radius."""

@@ -9,11 +9,11 @@ import numpy as np
 
 from sashimono.assembly import few_words
 from sashimono.bodies import make_bodies
-from sashimono.doctor.config import DoctorConfig
-from sashimono.doctor.findings import Clearance, Diagnosis, Finding, PairOverlap, Treatment
-from sashimono.doctor.hidden import shut_in, unseen
-from sashimono.doctor.pairs import Pairs
-from sashimono.doctor.size import metric_doubt, size_and_unit
+from sashimono.examination.config import DoctorConfig
+from sashimono.examination.findings import Clearance, Diagnosis, Finding, PairOverlap, Treatment
+from sashimono.examination.hidden import shut_in, unseen
+from sashimono.examination.pairs import Pairs
+from sashimono.examination.size import metric_doubt, size_and_unit
 from sashimono.fasteners.recognise import Fastener, find_fasteners
 from sashimono.io.checks import folded_words
 from sashimono.io.read import Inspection

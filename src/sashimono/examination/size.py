@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import size_words
-from sashimono.doctor.config import DoctorConfig
-from sashimono.doctor.findings import Finding
+from sashimono.examination.config import DoctorConfig
+from sashimono.examination.findings import Finding
 from sashimono.fasteners.recognise import Fastener
 from sashimono.fasteners.sizes import shank_size
 from sashimono.io.checks import is_likely, likely_units

@@ -92,7 +92,7 @@ def _tool(step: Step) -> str:
     if not step.moves:
         return "nothing"
     if step.contact is None:
-        return "no contact"
+        return "no grasp"
     gripper = step.contact.details.get("gripper")
     name = gripper.get("name") if isinstance(gripper, dict) else gripper
     return f"{step.contact.kind} by {name}" if isinstance(name, str) else step.contact.kind

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, html_table
 from sashimono.bodies import make_bodies
-from sashimono.diff.carry_over import NotCarriedOver, carry_over
-from sashimono.diff.parts import PartChange, match_parts
-from sashimono.diff.sources import Side
-from sashimono.diff.steps import StepChange, changed_pairs, changed_steps
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.plan import Answer, AssemblyPlan
+from sashimono.revision.carry_over import NotCarriedOver, carry_over
+from sashimono.revision.parts import PartChange, match_parts
+from sashimono.revision.sources import Side
+from sashimono.revision.steps import StepChange, changed_pairs, changed_steps
 from sashimono.verify import VerifyConfig, VerifyReport, verify_plan
 
 
@@ -35,6 +35,18 @@ class Revision:
     """Whether, where it does not work, its order does with other motions; None where that was not found out."""
     reasons: tuple[str, ...] = ()
     """Why it does not work, or why that cannot be told."""
+
+    def __repr__(self) -> str:
+        changed = sum(bool(change.kinds) for change in self.parts)
+        plan = {True: "the old plan works", False: "the old plan does not work", None: "no word on the old plan"}
+        return f"Revision({changed} of {len(self.parts)} parts changed, {plan[self.holds]})"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (" and ".join(change.kinds), change.old or "", change.new or "") for change in self.parts if change.kinds
+        ]
+        rows += [("reason", "", reason) for reason in self.reasons]
+        return html_table(repr(self), ("change", "old", "new"), rows)
 
     @property
     def same(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from sashimono.doctor.findings import Diagnosis, Finding
+from sashimono.examination.findings import Diagnosis, Finding
 
 FORMAT, VERSION = "sashimono.doctor", 1
 
