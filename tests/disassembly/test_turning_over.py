@@ -8,8 +8,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from sashimono.diff.carry_over import carry_over
-from sashimono.diff.parts import PartChange
 from solids import assembly, box, rod
 
 from sashimono.assembly import Assembly, Source
@@ -19,6 +17,8 @@ from sashimono.exports import step_table
 from sashimono.io.plan_json import plan_from_json, plan_to_json
 from sashimono.pipeline import PipelineConfig, plan_assembly
 from sashimono.plan import AssemblyPlan, Step, Table, step_tables
+from sashimono.revision.carry_over import carry_over
+from sashimono.revision.parts import PartChange
 from sashimono.verify import verify_plan
 from sashimono.view.config import ViewConfig
 from sashimono.view.manual.content import make_manual
