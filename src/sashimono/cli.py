@@ -211,6 +211,10 @@ def plan(
         list[str] | None,
         typer.Option(metavar="A:B", help="A is placed before B; repeatable; patterns (bolt*) stand for all that match"),
     ] = None,
+    together: Annotated[
+        list[str] | None,
+        typer.Option(metavar="A,B", help="A and B, or more, are placed one after the other; repeatable; patterns too"),
+    ] = None,
     exclude: Annotated[
         list[str] | None, typer.Option(metavar="PART", help="leave a part out; repeatable; a name or a pattern")
     ] = None,
@@ -230,7 +234,7 @@ def plan(
     ] = True,
     constraints: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="a .toml file with base, up, before, exclude, keep: the one beside a plan"),
+        typer.Option(metavar="FILE", help="a .toml file with base, up, before, together, ...: the one beside a plan"),
     ] = None,
     resting: Annotated[
         Path | None,
@@ -260,10 +264,19 @@ def plan(
 
         find_device(device)
     wishes = read_constraints(
-        constraints, base=base, up=up, before=before or (), exclude=exclude or (), keep=keep or (), flat=flat
+        constraints,
+        base=base,
+        up=up,
+        before=before or (),
+        together=together or (),
+        exclude=exclude or (),
+        keep=keep or (),
+        flat=flat,
     )
     if method == "physics" and (wishes.base is not None or wishes.before):
         raise SashimonoError("--base and --before are for --method cascade and past: Algorithm 1 takes its own order.")
+    if method != "cascade" and wishes.together:
+        raise SashimonoError(f"--together is for --method cascade: with {method}, no orders are compared.")
     if method != "cascade" and explain_order:
         raise SashimonoError(f"--explain-order is for --method cascade: with {method}, no orders are compared.")
     refuse_unwritable(out, files=PLAN_FILES)

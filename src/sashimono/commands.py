@@ -95,7 +95,7 @@ def plan_and_write(
     if not wishes.flat:
         assembly = keep_together(assembly, find_bought(assembly, keep=wishes.keep))
     sequence = SequenceConfig(
-        constraints=OrderConstraints(base=wishes.base, before=wishes.before),
+        constraints=OrderConstraints(base=wishes.base, before=wishes.before, together=wishes.together),
         products=ProductConfig(enabled=not wishes.flat),
     )
     if wishes.up is not None:
@@ -156,6 +156,7 @@ def read_constraints(
     base: str | None,
     up: str | None,
     before: Sequence[str],
+    together: Sequence[str],
     exclude: Sequence[str],
     keep: Sequence[str] = (),
     flat: bool = False,
@@ -167,6 +168,7 @@ def read_constraints(
         base: The part that everything is put on.
         up: Three numbers, separated by commas.
         before: Pairs ``A:B``.
+        together: Groups ``A,B``, of two names and more.
         exclude: Names or patterns.
         keep: Names of products, or patterns.
         flat: Whether the product tree is not looked at.
@@ -186,7 +188,14 @@ def read_constraints(
         except ValueError:
             raise SashimonoError(f"--up {up}: not X,Y,Z. Give three numbers with commas between.") from None
         direction = (x, y, z)
-    own = Wishes(base=base, up=direction, before=tuple(pairs), exclude=tuple(exclude), keep=tuple(keep), flat=flat)
+    groups = []
+    for text in together:
+        names = tuple(name.strip() for name in text.split(","))
+        if not all(names):
+            raise SashimonoError(f"--together {text}: not A,B. Give names, or patterns, with commas between.")
+        groups.append(names)
+    own = Wishes(base=base, up=direction, before=tuple(pairs), together=tuple(groups), exclude=tuple(exclude))
+    own = replace(own, keep=tuple(keep), flat=flat)
     wishes = own if file is None else read_wishes(file).and_then(own)
     if wishes.flat and wishes.keep:
         raise SashimonoError(f"--keep {wishes.keep[0]} and --flat contradict one another. Take one of them away.")

@@ -125,7 +125,11 @@ def _alternative_lines(step: Step, width: int, indent: str) -> Iterator[str]:
 
 
 def _step_words(step: Step) -> str:
-    words = [f"subassembly of {len(step.moving)}: {', '.join(step.moving)}"] if step.moving else []
+    words = ["turn the product over first"] if step.turned else []
+    if step.held_before:
+        words.append(f"then hold {few_words(step.held_before)}")
+    if step.moving:
+        words.append(f"subassembly of {len(step.moving)}: {', '.join(step.moving)}")
     words.append(_thread_words(step.declared) if step.declared else _direction_words(step.motion.T_world_part))
     if len(step.motion.T_world_part) > 1:
         words.append(_contact_words(step))

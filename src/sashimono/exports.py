@@ -225,11 +225,17 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
                 f"{prefix}{k}", step.part, step.product or "", " ".join(step.members), *way,
                 step.moved_by if step.moves else "base",
                 "" if step.moving else _tool(kinds.get(step.part)), " ".join(step.held),
-                "" if step.hands is None else step.hands,
-                "; ".join(said for said in (step.contact_reason, step.tool and step.tool.reason) if said),
+                "" if step.hands is None else step.hands, _note(step),
             ]
         )  # fmt: skip
     return rows
+
+
+def _note(step: Step) -> str:
+    said = ["the product is turned over before"] if step.turned else []
+    said += [f"then held: {' '.join(step.held_before)}"] if step.held_before else []
+    reasons = (step.contact_reason, step.tool and step.tool.reason)
+    return "; ".join([*said, *(reason for reason in reasons if reason)])
 
 
 def _products_of(names: Sequence[str], assembly: Assembly) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
@@ -169,6 +169,7 @@ def _best_attempt(
     _, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
     refused: frozenset[Refusal] = frozenset()
     best: _Attempt | None = None
+    known: DisassemblyResult | None = None
     given_up = False
     refutations: dict[str, str] = {}
     for_contacts = config.contact_attempts if config.contacts else 0
@@ -186,10 +187,12 @@ def _best_attempt(
             products,
             searched,
             refused,
+            known,
             config,
             (motion_rng, contact_rng),
             progress,
         )
+        known = attempt.first
         refutations |= attempt.refutations
         if best is None or attempt.worth > best.worth:
             best = attempt
@@ -213,6 +216,8 @@ class _Attempt:
 
     taken: TakenApart
     """What level 1 took apart."""
+    first: DisassemblyResult | None
+    """The same in the order that was found first; None where products were taken apart by themselves."""
     asked_without: frozenset[Refusal]
     """Departures that it was not to take."""
     steps: tuple[Step, ...]
@@ -256,6 +261,7 @@ def _attempt(
     products: Products,
     searched: bool,
     refused: frozenset[Refusal],
+    before: DisassemblyResult | None,
     config: PipelineConfig,
     rngs: tuple[np.random.Generator, np.random.Generator],
     progress: Progress,
@@ -269,11 +275,16 @@ def _attempt(
     up = config.motion.table.up if planner.resting is None else planner.resting.table.normal
     if products.groups:
         with planner.stage("order"):
+            first = None
             options = {"config": config.sequence, "refused": refused, "up": up, "searched": searched}
             taken = take_apart_by_products(cascade, orderer, products, **options, progress=counted)
     else:
-        with planner.stage("sequence"):
-            taken = TakenApart(found=_take_apart(planner, cascade, refused, config, rngs[1], counted))
+        if before is not None and config.method != "physics" and before.avoids(refused, cascade.parts.all_parts):
+            first = before  # with nothing of it refused, the same would be found again
+        else:
+            with planner.stage("sequence"):
+                first = _take_apart(planner, cascade, refused, config, rngs[1], counted)
+        taken = TakenApart(found=first)
         if searched:
             with planner.stage("order"):
                 taken = replace(taken, found=orderer.improve(taken.found, refused=refused, up=up))
@@ -288,6 +299,7 @@ def _attempt(
     known = {entry.part for entry in level.unsolved}
     unsolved = (*level.unsolved, *(entry for entry in judge.refuted if entry.part not in known))
     return _Attempt(
+        first=first,
         taken=replace(taken, apart={**products.apart, **taken.apart}),
         asked_without=refused,
         steps=steps,
@@ -347,15 +359,22 @@ class _Judge:
         """Return the steps that hold, here and inside subassemblies, each with what the check measured."""
         out: list[Step] = []
         gone: set[str] = set()
+        turned: Table | None = None
         for step, entry in zip(steps, reports, strict=True):
+            # where the step is taken out before which the product is turned over, it is before the next one
+            turned = step.table or turned
+            fixed = tuple(name for name in step.fixed if name not in gone)
+            if turned is not None and gone and self._floats(fixed, turned):
+                gone.update(step.members)
+                self._take_out(step, "what the product was to stand on, turned over, is not in place")
+                continue
             if entry.problems or entry.contact_problems:
                 logger.info("refuted: %s", entry.line())
             if entry.problems:
                 gone.update(step.members)
-                self._take_out(step, entry.problems[0])
+                self._take_out(step, f"refuted by the check: {entry.problems[0]}", self._met(step, entry))
                 continue
-            fixed = tuple(name for name in step.fixed if name not in gone)
-            step = replace(step, fixed=fixed, motion=self._with_evidence(step, entry))
+            step = replace(step, fixed=fixed, table=turned, motion=self._with_evidence(step, entry))
             if entry.contact_problems:
                 step = replace(
                     step, contact=None, carry=None, contact_reason=f"refuted by the check: {entry.contact_problems[0]}"
@@ -365,24 +384,45 @@ class _Judge:
                 order = tuple(each.part for each in inner)
                 step = replace(step, subassembly=replace(step.subassembly, order=order, steps=inner))
             out.append(step)
+            turned = None
         return tuple(out)
 
     def contactless(self, steps: Sequence[Step]) -> frozenset[Refusal]:
-        """Return the departures of the steps that move and have no contact, inside subassemblies too."""
+        """Return the departures of the steps that move and have no contact, inside subassemblies too.
+
+        They are refused while all that was there is there: with less in place, fingers may get in.
+        """
         every = [inner for step in steps for inner in step.all_steps]
         return frozenset(
-            self._departures[step.part].path_refusal
+            replace(self._departures[step.part].path_refusal, among=self._mask(step.fixed))
             for step in every
             if step.contact is None and len(step.motion.T_world_part) > 1 and step.part in self._departures
         )
 
-    def _take_out(self, step: Step, problem: str) -> None:
-        reason = f"refuted by the check: {problem}"
+    def _mask(self, names: Iterable[str]) -> int:
+        return sum(1 << self._assembly.index(name) for name in names)
+
+    def _floats(self, names: Sequence[str], table: Table) -> bool:
+        """Whether nothing of these parts stands on a table."""
+        parts = [self._assembly.part(name) for name in names]
+        low = min(float((part.vertices_world @ table.normal).min()) for part in parts)
+        least = min(smallest_extent(part.vertices_part, part.faces) for part in parts)
+        return low - table.offset > self._config.verify.relative_tolerance * least
+
+    def _met(self, step: Step, entry: StepReport) -> int:
+        """Mask of the one placed part that a step goes too deep into; 0 if that is not all that is wrong with it."""
+        too_deep = entry.allowed is not None and entry.max_penetration > entry.allowed
+        if not too_deep or len(entry.problems) > 1:
+            return 0
+        return self._mask(name for name in step.fixed if name == entry.against)
+
+    def _take_out(self, step: Step, reason: str, among: int | None = None) -> None:
+        """Take a step out; its way is refused while these parts (a mask) are there, or not at all if None."""
         self.refuted += [
             Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(), reason=reason) for name in step.members
         ]
-        if step.part in self._departures:
-            self.refused.add(self._departures[step.part].path_refusal)
+        if step.part in self._departures and among is not None:
+            self.refused.add(replace(self._departures[step.part].path_refusal, among=among))
 
     def _with_evidence(self, step: Step, entry: StepReport) -> Motion:
         part = self._assembly.part(step.part)
@@ -433,6 +473,7 @@ def _plan(
         held = hold_plan(held, bodies, config=config.stability, touching=orderer.touching)
         executable = verifier.check_holds(held)
         cost = orderer.cost(held)
+        held = replace(held, notes=(*held.notes, *orderer.parted(held)))
     if config.explain_order and config.method == "cascade":
         with clock.stage("order"):
             taken = attempt.taken

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -203,6 +203,11 @@ class Step:
     """Parts that must be held once this one is in place and let go: the others then stand by themselves."""
     hands: int | None = None
     """Most hands at work at once: one a held part, one for the part that is brought. None where it is not known."""
+    table: Table | None = None
+    """The table of this step and those after it, where the product is turned over before it; None: nothing is turned.
+    Its part, and those of later steps, rest on this table, and are laid out once the product has been turned."""
+    held_before: tuple[str, ...] = ()
+    """Where the product is turned over: parts that must be held on the new table until this step's part comes."""
     fastener: Fastening | None = None
     """What the part is, if it is a screw, bolt, nut or the like; None of any other part."""
     tool: Tool | None = None
@@ -225,6 +230,11 @@ class Step:
         """This step and those inside its subassembly."""
         inside = () if self.subassembly is None else self.subassembly.steps
         return (self, *(deeper for step in inside for deeper in step.all_steps))
+
+    @property
+    def turned(self) -> bool:
+        """Whether the product is turned over before this step."""
+        return self.table is not None
 
     @property
     def moves(self) -> bool:
@@ -442,8 +452,10 @@ class AssemblyPlan:
             below = [step.subassembly for step in self.all_steps if step.subassembly is not None]
             fixtures = [fixture for fixture in (self.fixture, *(each.fixture for each in below)) if fixture is not None]
             parts = [name for fixture in fixtures for name in fixture.parts]
+            held = [max(len(step.held), len(step.held_before)) for step in self.all_steps]
             words += [
-                f"held {max((len(step.held) for step in self.all_steps), default=0)}",
+                f"held {max(held, default=0)}",
+                f"turned over {sum(step.turned for step in self.all_steps)}",
                 f"fixture {few_words(parts) if parts else 'none'}",
                 "executable" if self.executable else f"not executable with {self.hands} hands",
             ]
@@ -465,6 +477,25 @@ def _contact_words(step: Step) -> str:
     if step.contact is None:
         return step.contact_reason or step.moved_by
     return f"{step.moved_by}, quality {step.contact.quality:.3f}" if step.contact.kind == "grasp" else step.moved_by
+
+
+def step_tables(steps: Sequence[Step], table: Table | None) -> tuple[Table | None, ...]:
+    """Return the table of each of these steps, which follow one another and begin on this table."""
+    tables = []
+    for step in steps:
+        table = step.table or table
+        tables.append(table)
+    return tuple(tables)
+
+
+def same_table(steps: Sequence[Step], k: int) -> tuple[Step, ...]:
+    """Return the steps after number ``k`` that are done before the product is next turned over."""
+    later = []
+    for step in steps[k + 1 :]:
+        if step.turned:
+            break
+        later.append(step)
+    return tuple(later)
 
 
 def placed_parts(steps: tuple[Step, ...]) -> tuple[str, ...]:

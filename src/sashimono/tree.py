@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
@@ -13,6 +13,7 @@ from sashimono.bodies import make_body, merge_parts
 from sashimono.contact import ContactChoice, ContactConfig, Gripper, choose_contacts, named_gripper, real_tool
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation, names_of
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
 from sashimono.geometry.body import Body, SampleConfig
@@ -41,6 +42,18 @@ class PlannedLevel:
     def order(self) -> tuple[str, ...]:
         """Assembly order."""
         return tuple(step.part for step in self.steps)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Stretch:
+    """What is placed on one table, one after the other."""
+
+    names: list[str]
+    placed: list[str]
+    """What is in place before, the base aside."""
+    up: tuple[float, float, float] | None
+    turned: bool = False
+    """Whether the product is turned over before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,42 +98,69 @@ class TreePlanner:
                     departure.inside, motion_rng=inner, contact_rng=contact_rng.spawn(1)[0]
                 )
         level, bodies = self._level(found, departures, merged)
-        motion = self.motion
-        if found.up is not None and motion.table.up is None:
-            motion = replace(motion, table=replace(motion.table, up=found.up))
         order = [names[found.base], *departures]
         stuck = [_stuck(self.assembly, part, separation) for part, separation in found.stuck]
-        with self.stage("motion"):
-            motions = plan_motions(
-                level,
-                order,
-                {name: d.separation.removal for name, d in departures.items() if d.separation.removal is not None},
-                config=motion,
-                rng=motion_rng,
-                in_place=[entry.part for entry in stuck],
-                bodies=bodies,
-                resting=self.resting,
-                progress=lambda done, total: progress("motion", done, total),
-            )
-        failed = {entry.part: entry for entry in motions.unsolved}
+        removals = {name: d.separation.removal for name, d in departures.items() if d.separation.removal is not None}
+        count = len(departures) - (0 if found.turn is None else found.turn.count)
+
+        def motions_of(stretch: _Stretch, before: int) -> MotionResult:
+            def told(done: int, _: int) -> None:
+                progress("motion", before + done, len(departures))
+
+            with self.stage("motion"):
+                return self._motions(level, bodies, stretch, order[0], removals, motion_rng, told)
+
+        stretches = [_Stretch(names=[*departures][:count], placed=[entry.part for entry in stuck], up=found.up)]
+        results = [motions_of(stretches[0], 0)]
+        if found.turn is not None:
+            # what has no motion is not there when the product is turned over
+            missing = {entry.part for entry in results[0].unsolved}
+            placed = [*stretches[0].placed, *(name for name in stretches[0].names if name not in missing)]
+            stretches.append(_Stretch(names=[*departures][count:], placed=placed, up=found.turn.up, turned=True))
+            results.append(motions_of(stretches[1], count))
+        failed = {entry.part: entry for result in results for entry in result.unsolved}
         moved = [name for name in order if name not in failed]
+        motions = {name: motion for result in reversed(results) for name, motion in result.motions.items()}
+        contacts: dict[str, ContactChoice] = {}
         with self.stage("contact"):
-            contacts = self._contacts(level, bodies, moved, motions, contact_rng, progress)
+            for stretch, result in zip(stretches, results, strict=True):
+                present = [name for name in moved if name in result.motions]
+                found_here = self._contacts(level, bodies, present, result, contact_rng, progress, len(moved))
+                contacts |= {n: c for n, c in found_here.items() if n in stretch.names or not stretch.turned}
         unsolved = {entry.part: entry for entry in (*stuck, *(e for below in inside.values() for e in below.unsolved))}
         for name, entry in failed.items():
             for member in self._members(departures[name]):
                 unsolved.setdefault(member, _carried(member, entry))
         return PlannedLevel(
-            steps=self._steps(moved, departures, inside, motions, contacts),
-            table=motions.table,
+            steps=self._steps(moved, departures, inside, motions, contacts, _tables(moved, stretches, results)),
+            table=results[0].table,
             unsolved=tuple(unsolved.values()),
-            refused=frozenset(departures[name].refusal for name in failed).union(*(b.refused for b in inside.values())),
+            refused=frozenset(
+                refusal
+                for name, entry in failed.items()
+                for refusal in self._refusals(departures, order[: order.index(name)], name, entry)
+            ).union(*(below.refused for below in inside.values())),
             failed=(*failed.values(), *(entry for below in inside.values() for entry in below.failed)),
         )
 
     def _bench(self) -> TreePlanner:
         """The planner of what is put together elsewhere: what the user says of table and tray is of the top level."""
         return replace(self, resting=None, motion=replace(self.motion, table=replace(self.motion.table, up=None)))
+
+    def _refusals(
+        self, departures: Mapping[str, Departure], before: Sequence[str], name: str, entry: Unsolved
+    ) -> list[Refusal]:
+        """What level 1 is told of a part without a motion: not that way while any placed part that it met is there.
+
+        Where it met none of them, not that way at all.
+        """
+        refusal = departures[name].refusal
+        met = [
+            departures[other].members if other in departures else 1 << self.assembly.index(other)
+            for other in entry.blocked_by
+            if other in before
+        ]
+        return [replace(refusal, among=members) for members in met] or [refusal]
 
     def _members(self, departure: Departure) -> tuple[str, ...]:
         return names_of(self.assembly, bits(departure.members))
@@ -149,6 +189,38 @@ class TreePlanner:
         alike = [tuple(n for n in names if n in bodies and n not in merged) for names in self.assembly.identical]
         return Assembly(parts=tuple(parts), identical=tuple(names for names in alike if len(names) > 1)), bodies
 
+    def _motions(
+        self,
+        level: Assembly,
+        bodies: Mapping[str, Body],
+        stretch: _Stretch,
+        base: str,
+        removals: Mapping[str, Removal],
+        rng: np.random.Generator,
+        progress: Callable[[int, int], None],
+    ) -> MotionResult:
+        """Level 2 for what is placed on one table. Once turned over, the product stands there as it is."""
+        motion, resting = self.motion, self.resting
+        if stretch.turned:
+            assert stretch.up is not None
+            normal = np.array(stretch.up)
+            standing = [base, *stretch.placed]
+            low = min(bodies[name].lowest(level.part(name).T_world_part, normal) for name in standing)
+            resting = RestingPoses(table=Table(normal=normal, offset=low), poses={})
+        elif stretch.up is not None and motion.table.up is None:
+            motion = replace(motion, table=replace(motion.table, up=stretch.up))
+        return plan_motions(
+            level,
+            [base, *stretch.names],
+            {name: removals[name] for name in stretch.names if name in removals},
+            config=motion,
+            rng=rng,
+            in_place=stretch.placed,
+            bodies=bodies,
+            resting=resting,
+            progress=progress,
+        )
+
     def _contacts(
         self,
         level: Assembly,
@@ -157,10 +229,11 @@ class TreePlanner:
         motions: MotionResult,
         rng: np.random.Generator,
         progress: Progress,
+        total: int,
     ) -> Mapping[str, ContactChoice]:
         if self.contact is None:
             return {name: ContactChoice(None, "contacts were not asked for") for name in order}
-        done = iter(range(1, len(order) + 1))
+        done = iter(range(1 + total - len(order), total + 1))
         return choose_contacts(
             level,
             order,
@@ -171,7 +244,7 @@ class TreePlanner:
             rng=rng,
             bodies=bodies,
             report=[real_tool(tool) for tool in self.report],
-            progress=lambda name: progress("contact", next(done), len(order)),
+            progress=lambda name: progress("contact", next(done), total),
         )
 
     def _steps(
@@ -179,8 +252,9 @@ class TreePlanner:
         order: list[str],
         departures: Mapping[str, Departure],
         inside: Mapping[str, PlannedLevel],
-        motions: MotionResult,
+        motions: Mapping[str, Motion],
         contacts: Mapping[str, ContactChoice],
+        turned: Mapping[str, Table],
     ) -> tuple[Step, ...]:
         steps: list[Step] = []
         for name in order:
@@ -188,7 +262,7 @@ class TreePlanner:
             step = Step(
                 part=name,
                 fixed=tuple(member for before in steps for member in before.members),
-                motion=motions.motions[name],
+                motion=motions[name],
                 contact=contacts[name].contact,
                 contact_reason=contacts[name].reason,
                 carry=contacts[name].carry,
@@ -199,10 +273,21 @@ class TreePlanner:
                 else Subassembly(
                     order=below.order, steps=below.steps, table=below.table, product=departures[name].product
                 ),
-                declared=_declared(self.assembly, departures.get(name), motions.motions[name]),
+                declared=_declared(self.assembly, departures.get(name), motions[name]),
+                table=turned.get(name),
             )
             steps.append(step)
         return tuple(steps)
+
+
+def _tables(moved: Sequence[str], stretches: Sequence[_Stretch], results: Sequence[MotionResult]) -> dict[str, Table]:
+    """The new table, by the name of the part that comes first after each turn."""
+    out = {}
+    for stretch, result in zip(stretches, results, strict=True):
+        first = next((name for name in moved if name in stretch.names), None)
+        if stretch.turned and first is not None:
+            out[first] = result.table
+    return out
 
 
 def _declared(assembly: Assembly, departure: Departure | None, motion: Motion) -> DeclaredHelix | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from solids import assembly, box
+from solids import assembly, box, rod
 
 from sashimono.assembly import Assembly
 from sashimono.cli import run
@@ -77,12 +77,46 @@ def test_the_table_is_where_the_user_has_it() -> None:
         (OrderConstraints(before=(("lid", "bolts"),)), "near are bolt_"),
         (OrderConstraints(base="plate", before=(("lid", "plate"),)), "plate is the base"),
         (OrderConstraints(before=(("lid", "plate"), ("plate", "lid"))), "no order does it all"),
+        (OrderConstraints(together=(("bolt_1",),)), "names 1 part: name two or more"),
+        (OrderConstraints(together=(("bolt_1", "screw"),)), "--together bolt_1,screw: screw: no part is called so"),
+        (
+            OrderConstraints(together=(("bolt_1", "plate"),), before=(("plate", "lid"), ("lid", "bolt_1"))),
+            "--together bolt_1,plate: lid comes after plate and before bolt_1, as --before has it",
+        ),
+        (
+            OrderConstraints(together=(("bolt_*", "plate"),), base="plate", before=(("lid", "bolt_2"),)),
+            "lid comes after plate and before bolt_2",
+        ),
     ],
 )
 def test_contradictions_and_unknown_names_are_one_line(constraints: OrderConstraints, said: str) -> None:
     with pytest.raises(SashimonoError, match=said) as caught:
         resolve(constraints, NAMES)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("group", [("a", "c"), ("b", "d"), ("plate", "d"), ("a", "b", "d")])
+def test_parts_that_are_wanted_together_follow_one_another(group: tuple[str, ...]) -> None:
+    plan = planned(OrderConstraints(together=(group,)))
+    places = sorted(plan.order.index(name) for name in group)
+    assert places == [*range(places[0], places[0] + len(group))]
+    assert plan.cost is not None
+    assert plan.cost.terms["parted"] == 0.0
+    assert not [note for note in plan.notes if "--together" in note]
+
+
+def test_what_cannot_be_together_is_said_in_one_line() -> None:
+    """Three discs in a tube that is closed below: the middle one always comes between the others."""
+    tube = rod(0.02, 0.06) - rod(0.0151, 0.06, (0.0, 0.0, 0.005))
+    discs = {name: rod(0.015, 0.01, (0.0, 0.0, z)) for name, z in (("low", -0.02), ("mid", -0.01), ("top", 0.0))}
+    wishes = OrderConstraints(base="tube", together=(("low", "top"),))
+    config = PipelineConfig(contacts=False, sequence=SequenceConfig(constraints=wishes))
+    plan = plan_assembly(assembly(tube=tube, **discs), config=config)
+    assert plan.order == ("tube", "low", "mid", "top")
+    (note,) = [note for note in plan.notes if "--together" in note]
+    assert note == "--together low,top: mid between them; no order was found without"
+    assert plan.cost is not None
+    assert plan.cost.terms["parted"] == 1.0
 
 
 def test_a_circle_is_told_in_its_own_sense() -> None:
@@ -95,7 +129,11 @@ def test_a_circle_is_told_in_its_own_sense() -> None:
 
 @pytest.mark.parametrize(
     "wishes",
-    [Wishes(base='a "b"', up=(0.0, -1.0, 0.5), before=(("x", "y*"), ("é", "z")), exclude=("cable*",)), Wishes()],
+    [
+        Wishes(base='a "b"', up=(0.0, -1.0, 0.5), before=(("x", "y*"), ("é", "z")), exclude=("cable*",)),
+        Wishes(),
+        Wishes(together=(("a", "b*"), ("ö", "d", "e"))),
+    ],
 )
 def test_the_file_is_read_back_as_it_was_written(tmp_path: Path, wishes: Wishes) -> None:
     file = tmp_path / "constraints.toml"
@@ -112,6 +150,7 @@ def test_the_file_is_read_back_as_it_was_written(tmp_path: Path, wishes: Wishes)
         ("up = [0, 0, 0]", "not a direction"),
         ("before = ['a', 'b']", "list of pairs"),
         ("exclude = 'a'", "list of names"),
+        ("together = ['a', 'b']", "list of lists of names"),
         ("base = ", "cannot be read as TOML"),
     ],
 )
@@ -140,7 +179,15 @@ def test_by_command_a_part_is_left_out_and_the_plan_verifies(tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     "options",
-    [["--before", "a"], ["--up", "1,2"], ["--exclude", "z*"], ["--base", "z"], ["--constraints", "none.toml"]],
+    [
+        ["--before", "a"],
+        ["--together", "a"],
+        ["--together", "a,,b"],
+        ["--up", "1,2"],
+        ["--exclude", "z*"],
+        ["--base", "z"],
+        ["--constraints", "none.toml"],
+    ],
 )
 def test_bad_options_are_refused(tmp_path: Path, options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "in"

@@ -50,6 +50,20 @@ def test_an_l_stands_on_its_foot_and_not_on_the_top_of_its_post():
     assert (downs @ [-1, 0, 0] > 0.999).any(), "it also stands on the back of its post"
 
 
+def test_a_sheet_that_is_bent_a_little_stands_on_one_of_its_halves():
+    """0.02 mm thick, 1 mm long, bent by 0.0006 rad: less than what makes two faces, but it rests on one side only."""
+    bend, thick = 0.0003, 2e-5
+    profile = [(-1e-3, 1e-3 * bend), (0.0, 0.0), (4e-4, 4e-4 * bend), (4e-4, thick), (-1e-3, thick)]
+    corners = [(x, y, z) for x, z in profile for y in (0.0, 8e-4)]
+    body = body_of(trimesh.convex.convex_hull(np.array(corners)))
+    for pose in stable_poses(body):
+        heights = body.hull_points @ pose.down_part
+        feet = body.hull_points[heights >= heights.max() - 0.005 * body.smallest_extent]
+        across = np.linalg.svd(pose.down_part[None])[2][1:]
+        sides = ConvexHull((feet - body.mass_center) @ across.T).equations
+        assert (sides[:, 2] <= 0.0).all(), "its mass centre is over what touches the table"
+
+
 def test_tipping_angle_of_a_brick_by_hand():
     poses = stable_poses(body_of(trimesh.creation.box((0.04, 0.02, 0.01))))
     assert np.allclose(np.abs(poses[0].down_part), [0, 0, 1])

@@ -136,7 +136,7 @@ def test_executable_is_the_stronger_word() -> None:
     plan = plan_assembly(parts)
     assert plan.executable is True
     assert verify_plan(plan, parts).executable is True
-    assert plan.verdict.endswith("held 0 · fixture none · executable")
+    assert plan.verdict.endswith("held 0 · turned over 0 · fixture none · executable")
     claimed = replace(changed(plan, plan.order[1], contact=None), executable=True)
     report = verify_plan(claimed, parts)
     assert report.executable is False

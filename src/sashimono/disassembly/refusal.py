@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 
@@ -15,3 +16,18 @@ class Refusal:
     """Direction in the blocking relation; None: every motion that is not one of its directions."""
     only_turned: bool = False
     """Whether only the turn of a declared thread along the direction is refused; the straight pull is not."""
+    among: int = 0
+    """Mask of the parts that stood in the way: the way is refused while all of them are there; 0: always."""
+
+
+def is_refused(
+    refused: Collection[Refusal], members: int, direction_index: int | None, others: int, *, only_turned: bool = False
+) -> bool:
+    """Return whether these parts may not leave like that past these others (masks)."""
+    return any(
+        each.members == members
+        and each.direction_index == direction_index
+        and each.only_turned == only_turned
+        and not each.among & ~others
+        for each in refused
+    )

@@ -23,6 +23,8 @@ class Wishes:
     """Away from the table, in the file's frame."""
     before: tuple[tuple[str, str], ...] = ()
     """Pairs (first, later) of parts: the first is placed earlier."""
+    together: tuple[tuple[str, ...], ...] = ()
+    """Groups of parts that are placed one after the other."""
     exclude: tuple[str, ...] = ()
     """Parts that are left out."""
     keep: tuple[str, ...] = ()
@@ -40,6 +42,7 @@ class Wishes:
             base=more.base if more.base is not None else self.base,
             up=more.up if more.up is not None else self.up,
             before=tuple(dict.fromkeys((*self.before, *more.before))),
+            together=tuple(dict.fromkeys((*self.together, *more.together))),
             exclude=tuple(dict.fromkeys((*self.exclude, *more.exclude))),
             keep=tuple(dict.fromkeys((*self.keep, *more.keep))),
             flat=self.flat or more.flat,
@@ -47,7 +50,7 @@ class Wishes:
 
 
 def read_wishes(path: str | Path) -> Wishes:
-    """Return the wishes in a TOML file with any of ``base``, ``up``, ``before``, ``exclude``, ``keep`` and ``flat``.
+    """Return the wishes in a TOML file, whose fields are those of `Wishes`, any of them.
 
     InputError, naming file and field, for anything else.
     """
@@ -56,7 +59,7 @@ def read_wishes(path: str | Path) -> Wishes:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
-    known = ("base", "up", "before", "exclude", "keep", "flat")
+    known = ("base", "up", "before", "together", "exclude", "keep", "flat")
     if unknown := sorted(set(document) - set(known)):
         raise InputError(f"{path}: {unknown[0]} is not known. It may have {', '.join(known)}.")
     base = document.get("base")
@@ -69,6 +72,7 @@ def read_wishes(path: str | Path) -> Wishes:
         base=base,
         up=_up(document, path),
         before=_before(document, path),
+        together=_together(document, path),
         exclude=_names(document, path, "exclude"),
         keep=_names(document, path, "keep"),
         flat=flat,
@@ -94,6 +98,16 @@ def _before(document: Mapping[str, Any], path: Path) -> tuple[tuple[str, str], .
     return tuple((first, later) for first, later in value)
 
 
+def _together(document: Mapping[str, Any], path: Path) -> tuple[tuple[str, ...], ...]:
+    value = document.get("together", [])
+    good = isinstance(value, list) and all(
+        isinstance(group, list) and group and all(isinstance(name, str) for name in group) for group in value
+    )
+    if not good:
+        raise InputError(f'{path}: together is no list of lists of names, like [["gear*", "shaft"]].')
+    return tuple(tuple(group) for group in value)
+
+
 def _names(document: Mapping[str, Any], path: Path, field: str) -> tuple[str, ...]:
     value = document.get(field, [])
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
@@ -111,6 +125,8 @@ def wishes_to_toml(wishes: Wishes) -> str:
     up = f"up = {list(wishes.up)}" if wishes.up is not None else "# up = [0.0, 0.0, 1.0]"
     pairs = "".join(f"    [{quoted(first)}, {quoted(later)}],\n" for first, later in wishes.before)
     before = f"before = [\n{pairs}]" if wishes.before else '# before = [["bearing*", "shaft"]]'
+    groups = "".join(f"    {quoted(list(group))},\n" for group in wishes.together)
+    together = f"together = [\n{groups}]" if wishes.together else '# together = [["gear*", "shaft"]]'
     exclude = f"exclude = {quoted(list(wishes.exclude))}" if wishes.exclude else '# exclude = ["cable*"]'
     keep = f"keep = {quoted(list(wishes.keep))}" if wishes.keep else '# keep = ["motor*"]'
     flat = "flat = true" if wishes.flat else "# flat = true"
@@ -119,6 +135,7 @@ def wishes_to_toml(wishes: Wishes) -> str:
         f"# the part that everything is put on\n{base}\n"
         f"# away from the table, in the frame of the file\n{up}\n"
         f"# pairs: the first is placed before the second; patterns stand for all that match\n{before}\n"
+        f"# groups whose parts are placed one after the other\n{together}\n"
         f"# parts that are left out\n{exclude}\n"
         f"# products of the file's tree that stay one part each\n{keep}\n"
         f"# all parts side by side, whatever the product tree says\n{flat}\n"

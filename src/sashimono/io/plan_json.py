@@ -206,6 +206,11 @@ def _step_document(step: Step) -> dict[str, Any]:
         out["held"] = step.held
     if step.hands is not None:
         out["hands"] = step.hands
+    if step.table is not None:
+        out["turned"] = True
+        out["table"] = _table_document(step.table)
+        if step.held_before:
+            out["held_before"] = step.held_before
     if step.fastener is not None:
         fastener = step.fastener
         out["fastener"] = {name: getattr(fastener, name) for name in ("kind", "size", "axis", "point", "joins")}
@@ -392,6 +397,8 @@ def _step(step: Mapping[str, Any]) -> Step:
         declared=_declared(step.get("declared")),
         held=tuple(step.get("held", ())),
         hands=step.get("hands"),
+        table=_turned(step),
+        held_before=tuple(step.get("held_before", ())),
         fastener=_fastening(step.get("fastener")),
         tool=_tool(step.get("tool"), access=step.get("tool_access", False)),
         alternatives=None
@@ -401,6 +408,13 @@ def _step(step: Mapping[str, Any]) -> Step:
             lambda a: Alternative(part=a["part"], possible=a["possible"], more=a.get("more"), reason=a["reason"]),
         ),
     )
+
+
+def _turned(step: Mapping[str, Any]) -> Table | None:
+    """The table onto which the product is turned over before a step."""
+    if step.get("turned", False) != (step.get("table") is not None):
+        raise PlanFormatError(f"$.steps: {step['part']!r} must have both turned and a table, or neither")
+    return _table(step.get("table"))
 
 
 def _fastening(fastener: Mapping[str, Any] | None) -> Fastening | None:

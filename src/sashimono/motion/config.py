@@ -14,6 +14,9 @@ class RestingConfig:
     """A pose that withstands this tilt of the table [rad] is stable enough; the least turned of these is taken."""
     coplanar_angle: float = 1e-3
     """Neighbouring hull triangles whose normals differ by less are one face [rad]."""
+    touching_height: float = 0.0025
+    """A corner of a face this far above the table, over the part's smallest extent, touches it. Where the part does not
+    stand on the corners that touch, the face is several: thin plates are bent by less than `coplanar_angle`."""
 
 
 @dataclass(frozen=True, kw_only=True)

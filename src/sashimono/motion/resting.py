@@ -8,12 +8,15 @@ import numpy as np
 from jaxtyping import Float
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
 
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.motion.config import RestingConfig
 
 _SAME_FACE = float(np.cos(np.radians(2.0)))
+_FLAT = 1e-7
+"""Angle below which faces are one whatever the part [rad]: rounding."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,10 +46,36 @@ def stable_poses(body: Body, config: RestingConfig | None = None) -> tuple[Stabl
     its mesh: the one nearest to the centre of mass holds it, however narrow.
     """
     config = config or RestingConfig()
+    angle = config.coplanar_angle
+    poses = _poses(body, angle)
+    while angle > _FLAT and not all(_stands(body, pose, config.touching_height) for pose in poses):
+        angle /= 10.0
+        poses = _poses(body, angle)
+    return poses
+
+
+def _stands(body: Body, pose: StablePose, touching_height: float) -> bool:
+    """Whether the centre of mass is over the corners that touch the table, or the pose is one on a line or a point."""
+    if pose.margin <= 0.0:
+        return True
+    points = body.hull_points
+    heights = points @ pose.down_part
+    feet = points[heights >= heights.max() - touching_height * body.smallest_extent]
+    across = np.cross(pose.down_part, np.eye(3)[int(np.argmin(np.abs(pose.down_part)))])
+    plane = np.stack([across / np.linalg.norm(across), np.cross(pose.down_part, across / np.linalg.norm(across))])
+    try:
+        sides = ConvexHull((feet - body.mass_center) @ plane.T).equations
+    except (QhullError, ValueError):  # an edge or a point
+        return False
+    return bool((sides[:, 2] < 0.0).all())
+
+
+def _poses(body: Body, coplanar_angle: float) -> tuple[StablePose, ...]:
+    """Stable poses on faces of which neighbouring triangles differ by less than an angle [rad]."""
     hull, points = body.hull, body.hull.points
     corners = points[hull.simplices]
     normals = hull.equations[:, :3]
-    faces = _coplanar_faces(hull.neighbors, normals, config.coplanar_angle)
+    faces = _coplanar_faces(hull.neighbors, normals, coplanar_angle)
     # edge k of a triangle lies opposite its corner k, and so does neighbour k
     origin, ahead = corners[:, [1, 2, 0]], corners[:, [2, 0, 1]]
     along = ahead - origin

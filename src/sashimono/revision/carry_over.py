@@ -41,8 +41,24 @@ class _Carrier:
         """Steps of one level, those of parts that are gone left out; on the new table."""
         if steps and not any(name in self.names for name in steps[0].members):
             raise NotCarriedOver(f"its base {steps[0].part} is gone")
-        kept = [step for step in steps if any(name in self.names for name in step.members)]
-        return tuple(self.step(step, table) for step in kept)
+        out: list[Step] = []
+        turned: Table | None = None
+        for step in steps:
+            turned = step.table or turned
+            if not any(name in self.names for name in step.members):
+                continue
+            new = None if turned is None else self.turned(turned, out)
+            table = new or table
+            out.append(replace(self.step(step, table), table=new, held_before=self.known(step.held_before)))
+            turned = None
+        return tuple(out)
+
+    def turned(self, table: Table, placed: Sequence[Step]) -> Table:
+        """The table that the product is turned over to, moved with it; right below what is placed by then."""
+        normal = self.whole[:3, :3] @ table.normal
+        names = [name for step in placed for name in step.members]
+        lowest = min(float((self.assembly.part(name).vertices_world @ normal).min()) for name in names)
+        return Table(normal=normal, offset=lowest)
 
     def step(self, step: Step, table: Table | None) -> Step:
         """The same step for the parts as they are now."""

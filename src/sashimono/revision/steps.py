@@ -63,6 +63,10 @@ def _differences(old: Step, new: Step, names: Mapping[str, str]) -> list[str]:
         words.append(f"moves with {len(new.members) - 1} others, with {len(old.members) - 1} before")
     if _tool(old) != _tool(new):
         words.append(f"{_tool(new)}, was {_tool(old)}")
+    if old.turned != new.turned:
+        words.append(
+            "the product is turned over before it now" if new.turned else "nothing is turned over before it now"
+        )
     if {names.get(name, name) for name in old.held} != set(new.held):
         words.append(f"held: {', '.join(new.held) or 'nothing'}, was {', '.join(old.held) or 'nothing'}")
     if old.hands != new.hands and None not in (old.hands, new.hands):

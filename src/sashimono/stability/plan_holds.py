@@ -9,7 +9,7 @@ import numpy as np
 
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
-from sashimono.plan import AssemblyPlan, Fixture, Step, Table
+from sashimono.plan import AssemblyPlan, Fixture, Motion, Step, Table, same_table
 from sashimono.stability.config import StabilityConfig
 from sashimono.stability.holding import fewest_held
 from sashimono.stability.statics import Statics
@@ -44,13 +44,20 @@ def hold_plan(
 
 
 def _hold_level(steps: Sequence[Step], table: Table, touching: Touching) -> tuple[tuple[Step, ...], Fixture | None]:
-    """Steps that follow one another on one table, those inside subassemblies first."""
+    """Steps that follow one another, those inside subassemblies first. A turn takes the product out of a fixture."""
     fixture = _fixture(steps, table, touching)
     statics = Statics(touching, table)
     fixed = () if fixture is None else fixture.parts
     out: list[Step] = []
     held: tuple[str, ...] = ()
     for step in steps:
+        if step.table is not None:
+            statics, fixed = Statics(touching, step.table), ()
+            turned = fewest_held(statics, step.fixed, preferred=held)
+            held = turned.held
+            step = replace(step, held_before=held)
+            if not turned.fewest:
+                step = replace(step, motion=_not_fewest(step.motion))
         found = fewest_held(
             statics, (*step.fixed, *step.members), fixed=fixed, preferred=(*held, *step.members) if step.moves else ()
         )
@@ -60,10 +67,13 @@ def _hold_level(steps: Sequence[Step], table: Table, touching: Touching) -> tupl
         if inside is not None and inside.table is not None:
             inner, below = _hold_level(inside.steps, inside.table, touching)
             inside = replace(inside, steps=inner, fixture=below)
-        evidence = step.motion.evidence if found.fewest else {**step.motion.evidence, "held_fewest": False}
-        motion = replace(step.motion, evidence=evidence)
+        motion = step.motion if found.fewest else _not_fewest(step.motion)
         out.append(replace(step, held=held, hands=hands, subassembly=inside, motion=motion))
     return tuple(out), fixture
+
+
+def _not_fewest(motion: Motion) -> Motion:
+    return replace(motion, evidence={**motion.evidence, "held_fewest": False})
 
 
 def _fixture(steps: Sequence[Step], table: Table, touching: Touching) -> Fixture | None:
@@ -77,7 +87,8 @@ def _fixture(steps: Sequence[Step], table: Table, touching: Touching) -> Fixture
     lowest = min(touching.bodies[name].lowest(touching.poses[name], table.normal) for name in standing)
     if lowest - table.offset <= touching.config.table_gap * touching.bodies[base].smallest_extent:
         return None
-    lower = [step.part for step in steps if _lowest_inserted(step, table, touching) < lowest]
+    first = [*steps[:1], *same_table(steps, 0)]
+    lower = [step.part for step in first if _lowest_inserted(step, table, touching) < lowest]
     names = ", ".join(lower[:3]) + (f" and {len(lower) - 3} more" if len(lower) > 3 else "")
     reason = f"on the way in, {names} comes lower than the base" if lower else "the table lies lower than the base"
     return Fixture(parts=tuple(standing), height=float(height), reason=reason)

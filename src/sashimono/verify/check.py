@@ -27,6 +27,7 @@ from sashimono.verify.resting import resting_problems
 from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
 from sashimono.verify.sweep import HalfSpace, Screws
 from sashimono.verify.tool import tool_problems
+from sashimono.verify.turning import stretch_after, tables_of, turn_problems
 
 
 class Verifier:
@@ -198,7 +199,7 @@ def _forms_only(steps: Sequence[Step], site: _Site) -> tuple[StepReport, ...]:
 
 def _check_level(steps: Sequence[Step], table: Table | None, site: _Site) -> tuple[StepReport, ...]:
     """Check steps that follow one another: those of the plan, or those by which one subassembly is put together."""
-    forms = site.forms(steps)
+    forms, tables = site.forms(steps), tables_of(steps, table)
     reports = []
     for k, step in enumerate(steps):
         inside = ()
@@ -208,8 +209,12 @@ def _check_level(steps: Sequence[Step], table: Table | None, site: _Site) -> tup
         if forms[k]:
             reports.append(StepReport(index=k, part=step.part, problems=tuple(forms[k]), inside=inside))
             continue
-        later = [other for other, form in zip(steps[k + 1 :], forms[k + 1 :], strict=True) if not form]
-        reports.append(replace(_check_step(k, step, later, table, site), inside=inside))
+        later = [steps[j] for j in stretch_after(steps, k) if not forms[j]]
+        report = replace(_check_step(k, step, later, tables[k], site), inside=inside)
+        if step.table is not None:
+            wrong = turn_problems(step.fixed, site.bodies, site.overlaps.poses, step.table, site.config)
+            report = replace(report, problems=(*wrong, *report.problems))
+        reports.append(report)
     return tuple(reports)
 
 

@@ -26,6 +26,7 @@ from sashimono.verify.bond import Bonds, is_screwed_in
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import sampled_depth
 from sashimono.verify.structure import members
+from sashimono.verify.turning import tables_of
 
 _OPPOSING = -0.87
 _FACING = -0.65
@@ -74,25 +75,32 @@ class PlacedParts:
     def hold_problems(
         self, steps: Sequence[Step], table: Table | None, fixture: Fixture | None
     ) -> list[tuple[str, ...]]:
-        """Return for each of these steps, which follow one another on one table, what nobody holds.
+        """Return for each of these steps, which follow one another, what nobody holds.
 
+        The first ones are done on the given table. A fixture holds nothing any more once the product is turned over.
         Nothing is said of a step that does not say how many hands it takes.
         """
         fixed = () if fixture is None else fixture.parts
         problems = []
         before: tuple[str, ...] = ()
-        for step in steps:
+        for step, on in zip(steps, tables_of(steps, table), strict=True):
             placed = (*step.fixed, *members(step))
-            if table is None or step.hands is None:
+            if step.table is not None:
+                before, fixed = step.held_before, ()
+            if on is None or step.hands is None:
                 problems.append(())
                 continue
-            found = [f"{name!r} is held, but not in place" for name in step.held if name not in placed]
+            found = []
+            if step.table is not None:
+                loose = self.falling(step.fixed, before, on)
+                found += [f"{name} floats or tips once it is turned over, and is not held" for name in loose]
+            found += [f"{name!r} is held, but not in place" for name in step.held if name not in placed]
             at_rest = {each.part for each in steps if len(each.motion.T_world_part) == 1}
             found += [f"{name!r} is in the fixture, but brought later" for name in fixed if name not in at_rest]
             hands = max(len(before) + (len(step.motion.T_world_part) > 1), len(step.held))
             if step.hands != hands:
                 found.append(f"takes {hands} hands, not {step.hands}")
-            falling = self.falling(placed, {*step.held, *fixed}, table)
+            falling = self.falling(placed, {*step.held, *fixed}, on)
             found += [f"{name} floats or tips, and is not held" for name in falling]
             problems.append(tuple(found))
             before = step.held

@@ -28,7 +28,7 @@ def plan_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) 
     problems += [f"{e.part!r} is not closed, and the plan does not say so" for e in stand_ins if e.part not in stated]
     problems += _part_problems(plan, assembly, config)
     problems += _order_problems(plan, assembly)
-    problems += _table_problems(plan.table)
+    problems += [*_table_problems(plan.table), *_turn_problems(plan.steps, plan.table)]
     if plan.table is None:
         notes.append("the plan has no table: resting poses are not checked for stability")
     return problems, notes
@@ -46,6 +46,23 @@ def _table_problems(table: Table | None) -> list[str]:
         problems.append("table.normal is not a unit vector")
     if not np.isfinite(table.offset):
         problems.append("table.offset is not a finite number")
+    return problems
+
+
+def _turn_problems(steps: Sequence[Step], table: Table | None) -> list[str]:
+    """What is wrong with what these steps, which follow one another, say of turning the product over."""
+    problems = []
+    for k, step in enumerate(steps):
+        if step.table is None:
+            if step.held_before:
+                problems.append(f"{step.part!r} says what is held after a turn, but nothing is turned over")
+            continue
+        problems += [f"step of {step.part!r}: {problem}" for problem in _table_problems(step.table)]
+        if table is None:
+            problems.append(f"the product is turned over before {step.part!r}, but there is no table to begin with")
+        if k == 0:
+            problems.append(f"nothing is placed that could be turned over before {step.part!r}")
+        problems += [f"{name!r} is held after a turn, but not in place" for name in {*step.held_before} - {*step.fixed}]
     return problems
 
 
@@ -152,7 +169,7 @@ def _group_problems(step: Step, moves: bool, unsolved: Collection[str]) -> list[
         for name in step.moving
         if name not in placed and name not in unsolved
     ]
-    return sorted(problems) + _table_problems(inside.table)
+    return sorted(problems) + _table_problems(inside.table) + _turn_problems(inside.steps, inside.table)
 
 
 def _path_problems(motion: Motion, moves: bool, config: VerifyConfig) -> list[str]:

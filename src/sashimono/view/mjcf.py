@@ -18,6 +18,7 @@ from sashimono.geometry.mesh.text import obj_text
 from sashimono.plan import AssemblyPlan, Table
 from sashimono.view.appearance import linear_rgb, part_colors
 from sashimono.view.keyframes import rotation_between
+from sashimono.view.playback import page_frames
 
 SCENE = "scene.xml"
 GRAVITY = 9.81
@@ -27,7 +28,8 @@ def write_mjcf(plan: AssemblyPlan, assembly: Assembly, out: Path) -> tuple[str, 
     """Write ``scene.xml`` and an OBJ a part into an existing folder, in metres; return the names of the files.
 
     The world frame is the product's, and gravity is along the table's normal. Keyframes are called ``start`` and
-    ``NUMBER PART``, as the steps; parts without a step stay where they are assembled.
+    ``NUMBER PART``, as the steps; parts without a step stay where they are assembled. Where the product is turned over
+    the table stays, and a keyframe ``NUMBER turned over`` and all later ones show the product turned.
     """
     root = xml.Element("mujoco", model="sashimono")
     xml.SubElement(root, "compiler", meshdir=".", angle="radian")
@@ -61,13 +63,14 @@ def write_mjcf(plan: AssemblyPlan, assembly: Assembly, out: Path) -> tuple[str, 
 
 
 def keyframes(plan: AssemblyPlan, assembly: Assembly) -> list[tuple[str, dict[str, Float[np.ndarray, "4 4"]]]]:
-    """Return the name of each moment and the pose of every part then: the start, and the end of each step.
+    """Return the name of each moment and the pose of every part then: the start, each turn, the end of each step.
 
     Steps inside a subassembly come before the step that brings it, numbered within it (``4.2``).
     """
+    frames = page_frames(plan, assembly)
     poses = {part.name: part.T_world_part for part in assembly.parts}
     steps = [
-        (label, inner)
+        (label, inner, frames[k - 1])
         for k, step in enumerate(plan.steps, start=1)
         for label, inner in (
             *(
@@ -77,11 +80,14 @@ def keyframes(plan: AssemblyPlan, assembly: Assembly) -> list[tuple[str, dict[st
             (str(k), step),
         )
     ]
-    for _, step in reversed(steps):  # of the steps that move a part, the first says where it waits
-        poses |= {name: step.member_poses(name, plan.parts)[0] for name in step.members}
+    for _, step, T in reversed(steps):  # of the steps that move a part, the first says where it waits
+        poses |= {name: T @ step.member_poses(name, plan.parts)[0] for name in step.members}
     out = [("start", dict(poses))]
-    for label, step in steps:
-        poses |= {name: step.member_poses(name, plan.parts)[-1] for name in step.members}
+    for label, step, T in steps:
+        if step.turned:
+            poses |= {name: T @ plan.parts[name] for name in step.fixed}
+            out.append((f"{label} turned over", dict(poses)))
+        poses |= {name: T @ step.member_poses(name, plan.parts)[-1] for name in step.members}
         if step.subassembly is None:
             out.append((f"{label} {step.part}", dict(poses)))
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
@@ -158,6 +158,7 @@ def _step(
         "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
         "held": list(step.held),
+        "turns": played.turns,
         "tool": None if step.tool is None else step.tool.name,
         "toolBlocked": None if step.tool is None else step.tool.reason,
         # on a bench what is up may be turned
@@ -170,10 +171,15 @@ def _step(
 
 
 def _parts(
-    plan: AssemblyPlan, assembly: Assembly, uses: tuple[ShapeUse, ...], config: ViewConfig
+    plan: AssemblyPlan, assembly: Assembly, played: Sequence[PlayedStep], uses: tuple[ShapeUse, ...], config: ViewConfig
 ) -> list[dict[str, Any]]:
     colors = part_colors(plan, assembly)
     explosion = explode(plan, assembly, config)
+    # the whole stands as it was last turned
+    turns = [entry for entry in played if entry.turns and entry.depth == 0]
+    turned = np.eye(3)
+    if turns:
+        turned = turns[-1].poses[-1][:3, :3] @ plan.parts[turns[-1].step.part][:3, :3].T
     solved = set(plan.placed)
     return [
         {
@@ -183,7 +189,7 @@ def _parts(
             "assembled": pose_rows(plan.parts[part.name]),
             "color": colors[part.name],
             "cadColor": None if part.color is None else srgb_hex(part.color),
-            "explode": [{"turn": pull.turn, "by": pull.vector.tolist()} for pull in explosion.pulls[part.name]],
+            "explode": [{"turn": p.turn, "by": (turned @ p.vector).tolist()} for p in explosion.pulls[part.name]],
             "solved": part.name in solved,
         }
         for part, use in zip(assembly.parts, uses, strict=True)
@@ -229,7 +235,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Vi
         "table": None if plan.table is None else plan.table.offset,
         "duration": timeline.duration,
         "shapes": [pack_mesh(mesh, packer) for mesh in shapes.meshes],
-        "parts": _parts(plan, assembly, shapes.uses, config),
+        "parts": _parts(plan, assembly, played, shapes.uses, config),
         "steps": [
             _step(step, timing, lookout, up, assembly)
             for step, timing, lookout in zip(played, timeline.steps, step_lookouts(plan, played, assembly), strict=True)

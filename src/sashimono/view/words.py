@@ -64,6 +64,9 @@ class Words:
     let_go: str
     hands: str
     turn_over: str
+    turn_product: str
+    """Of the product, so that the task is done on another table."""
+    hold_turned: str
     turn_chapter: str
     no_room: str
     """Where a tool has no room."""
@@ -123,6 +126,8 @@ ENGLISH = Words(
     let_go="Let go of {parts}.",
     hands="Needs {count} hands at once.",
     turn_over="Turn subassembly {letter} as shown before you bring it.",
+    turn_product="Turn all that is put together over, so that it stands as shown.",
+    hold_turned="Then hold {parts} so that nothing falls or tips.",
     turn_chapter="Put together beside the product, this side up.",
     no_room="No room for the tool ({tool}) with these parts in place.",
     no_contact="The plan has no grasp here: place by hand.",
@@ -183,6 +188,8 @@ GERMAN = Words(
     let_go="{parts} loslassen.",
     hands="Braucht {count} Hände zugleich.",
     turn_over="Baugruppe {letter} vor dem Einsetzen wie gezeigt drehen.",
+    turn_product="Alles Zusammengebaute umdrehen, sodass es wie gezeigt steht.",
+    hold_turned="Dann {parts} halten, damit nichts fällt oder kippt.",
     turn_chapter="Neben dem Produkt zusammenbauen, diese Seite oben.",
     no_room="Kein Platz für das Werkzeug ({tool}), solange diese Teile da sind.",
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
@@ -246,6 +253,8 @@ JAPANESE = Words(
     let_go="{parts}から手を離します。",
     hands="同時に{count}本の手が必要です。",
     turn_over="サブアセンブリ{letter}を図の向きに回してから取り付けます。",
+    turn_product="組み立てたものを裏返し、図のように置きます。",
+    hold_turned="その後、落ちたり倒れたりしないように{parts}を押さえます。",
     turn_chapter="製品の横で、この面を上にして組み立てます。",
     no_room="これらの部品があると工具（{tool}）が入りません。",
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import UNASKED, Separation
 from sashimono.plan import MotionClass
@@ -96,7 +96,7 @@ def find_subassembly(
             for members in sinks
             if members.bit_count() > 1
             and not members >> stays & 1
-            and Refusal(members=members, direction_index=direction_index) not in refused
+            and not is_refused(refused, members, direction_index, remaining & ~members)
         ]
         if not candidates:
             return None

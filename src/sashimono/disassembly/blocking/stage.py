@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.blocking.relation import Blocking
-from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.separation import Separation
 from sashimono.plan import Answer, MotionClass
 
@@ -49,8 +49,9 @@ class BlockingStage:
         blocking = self.blocking
         asked = range(blocking.count_directions) if among is None else among
         for direction_index in sorted(asked, key=lambda s: (-round(preference(blocking.direction(s)), 6), s)):
-            is_refused = Refusal(members=1 << part, direction_index=direction_index) in refused
-            if not is_refused and blocking.is_free(part, direction_index, others):
+            if is_refused(refused, 1 << part, direction_index, others):
+                continue
+            if blocking.is_free(part, direction_index, others):
                 removal = blocking.parts.straight_removal(1 << part, others, blocking.direction(direction_index))
                 return Separation(answer=Answer.FREE, removal=removal, direction_index=direction_index, stage=self.name)
         return None

@@ -7,11 +7,13 @@ may stand against it are the parts between, which must then be brought past it; 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
 
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
 from sashimono.disassembly.sequence.cost import Amounts, CostModel
-from sashimono.disassembly.sequence.moves import Blocked, placed_earlier
+from sashimono.disassembly.sequence.moves import Blocked, earlier_in
 from sashimono.disassembly.sequence.ways import Candidate, Unit, Ways
 from sashimono.plan import Alternative
 
@@ -30,6 +32,9 @@ WORDS = {
     "unsteady": "unsteady base",
     "fixture": "fixture",
     "turned": "table turned",
+    "turn_overs": "turn-overs",
+    "turned_loose": "loose parts turned over",
+    "parted": "parts between those wanted together",
     "products_apart": "products taken apart",
     "tools_blocked": "tools without room",
 }
@@ -43,7 +48,7 @@ class Alternatives:
         self,
         candidate: Candidate,
         start: int,
-        ways: Ways,
+        ways: Callable[[Float[np.ndarray, "3"]], Ways],
         model: CostModel,
         wishes: ResolvedConstraints,
         amounts: Callable[[Candidate], Amounts],
@@ -55,7 +60,7 @@ class Alternatives:
         Args:
             candidate: The order, of taking apart.
             start: Mask of all its parts.
-            ways: Ways out, for its table.
+            ways: Ways out, by the direction away from the table.
             model: The cost.
             wishes: What the user wants.
             amounts: Counts the terms of an order.
@@ -85,15 +90,17 @@ class Alternatives:
         """The order in which what leaves as number ``later`` leaves just after number ``own``."""
         leaving = self._candidate.leaving
         name = self._name(leaving[later].unit)
-        order = placed_earlier(leaving, later, own, start=self._start, ways=self._ways, wishes=self._wishes)
+        order = earlier_in(self._candidate, later, own, start=self._start, ways=self._ways, wishes=self._wishes)
         if isinstance(order, Blocked):
             other = self._name(order.unit)
-            if order.by_wish:
+            if order.by_turn:
+                reason = "it is placed once the product has been turned over"
+            elif order.by_wish:
                 reason = f"--before has {other} placed earlier"
             else:
                 reason = f"with it in place no way is known by which {other} gets in"
             return Alternative(part=name, possible=False, more=None, reason=reason)
-        amounts = self._amounts(replace(self._candidate, leaving=order))
+        amounts = self._amounts(order)
         more = round(self._model.total(amounts) - self._model.total(self._own), 6)
         return Alternative(part=name, possible=True, more=more, reason=self._difference(amounts))
 

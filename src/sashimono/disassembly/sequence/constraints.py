@@ -21,6 +21,8 @@ class OrderConstraints:
     """The part that everything is put on."""
     before: tuple[tuple[str, str], ...] = ()
     """Pairs (first, later): every part that matches the first is placed before every one that matches the later."""
+    together: tuple[tuple[str, ...], ...] = ()
+    """Groups: all parts that match any name of a group are placed one after the other, no other part between them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +32,8 @@ class ResolvedConstraints:
     base: int | None
     waits: tuple[int, ...]
     """By part: mask of the parts that must have left before it may leave."""
+    together: tuple[int, ...] = ()
+    """Masks of parts that are placed one after the other, where an order can have that."""
 
     def holds_back(self, part: int, remaining: int) -> int:
         """Return the mask of the remaining parts for which this one waits."""
@@ -44,7 +48,8 @@ def resolve(constraints: OrderConstraints, names: Sequence[str]) -> ResolvedCons
     """Return the constraints in indices of these names.
 
     Raises SashimonoError, in one line, for a name that no part has, a base that is not one part, a part that would have
-    to come before the base, and for wishes that go round in a circle, which is named.
+    to come before the base, for wishes that go round in a circle, which is named, and for a part that must come between
+    others that are to follow one another.
     """
     index = {name: k for k, name in enumerate(names)}
     base = None
@@ -71,4 +76,49 @@ def resolve(constraints: OrderConstraints, names: Sequence[str]) -> ResolvedCons
         around: list[int] = list(reversed(error.args[1]))
         circle = " before ".join(names[k] for k in around)
         raise SashimonoError(f"--before: no order does it all: {circle}. Take one of these away.") from None
-    return ResolvedConstraints(base=base, waits=tuple(waits))
+    together = tuple(_group(group, names) for group in constraints.together)
+    for words, group in zip(constraints.together, together, strict=True):
+        _refuse_between(words, group, waits, base, names)
+    return ResolvedConstraints(base=base, waits=tuple(waits), together=together)
+
+
+def _group(words: Sequence[str], names: Sequence[str]) -> int:
+    """Mask of the parts of one group, at least two."""
+    option = f"--together {','.join(words)}:"
+    found = dict.fromkeys(name for word in words for name in matching(names, [word], option))
+    if len(found) < 2:
+        raise SashimonoError(f"{option} names {len(found)} part: name two or more.")
+    return sum(1 << names.index(name) for name in found)
+
+
+def _refuse_between(
+    words: Sequence[str], group: int, waits: Sequence[int], base: int | None, names: Sequence[str]
+) -> None:
+    """Raise SashimonoError for a part outside a group that --before has after one member and before another."""
+    option = f"--together {','.join(words)}:"
+    after = _closure(waits)
+    for k, name in enumerate(names):
+        if group >> k & 1:
+            continue
+        first = next((m for m in range(len(names)) if group >> m & 1 and after[m] >> k & 1), None)
+        later = next((m for m in range(len(names)) if group >> m & 1 and after[k] >> m & 1), None)
+        if first is None and base is not None and group >> base & 1:
+            first = base
+        if first is not None and later is not None:
+            reason = f"{name} comes after {names[first]} and before {names[later]}"
+            raise SashimonoError(f"{option} {reason}, as --before has it. Take one of these away.")
+
+
+def _closure(waits: Sequence[int]) -> list[int]:
+    """By part: mask of all that is placed after it, over any number of wishes; they go round in no circle."""
+    out = list(waits)
+    for _ in waits:
+        grown = list(out)
+        for part, mask in enumerate(out):
+            for other in range(len(waits)):
+                if mask >> other & 1:
+                    grown[part] |= out[other]
+        if grown == out:
+            break
+        out = grown
+    return out

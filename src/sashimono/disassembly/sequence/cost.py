@@ -16,7 +16,7 @@ from jaxtyping import Float
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.sequence.holds import unsteadiness
 from sashimono.disassembly.sequence.scene import OrderScene
-from sashimono.plan import AssemblyPlan, OrderCost, Step, Subassembly, Table
+from sashimono.plan import AssemblyPlan, OrderCost, Step, Subassembly, Table, step_tables
 from sashimono.stability import Touching
 
 TERMS = (
@@ -34,6 +34,9 @@ TERMS = (
     "unsteady",
     "fixture",
     "turned",
+    "turn_overs",
+    "turned_loose",
+    "parted",
     "products_apart",
     "tools_blocked",
 )
@@ -80,6 +83,13 @@ class OrderCostConfig:
     """For a base that does not stand on the table."""
     turned: float = 4.0
     """For a table that is not the one below the file's own up."""
+    turn_overs: float = 4.0
+    """For each time that the product is turned over."""
+    turned_loose: float = 1.0
+    """For each group of parts, joined to no other, that must be kept in place while the product is turned over; one of
+    them is what it is turned by."""
+    parted: float = 100.0
+    """For each part that comes between others that the user wants together. As good as forbidden."""
     products_apart: float = 2.0
     """For each product of the file's tree that is not put together by itself: its designer drew it as one thing."""
     tools_blocked: float = 3.0
@@ -114,6 +124,8 @@ class Placing:
     """Mask of what stays, the parts placed before it."""
     after: Placing | None = None
     """The one that leaves before it: the next in assembly. None: it is the last to be placed."""
+    turned_after: bool = False
+    """Whether the product is turned over between it and the next."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,6 +135,8 @@ class CostModel:
     scene: OrderScene
     touching: Touching
     config: OrderCostConfig = field(default_factory=OrderCostConfig)
+    together: tuple[int, ...] = ()
+    """Masks of parts that the user wants to follow one another."""
 
     def total(self, amounts: Mapping[str, float]) -> float:
         """Return the cost of these amounts."""
@@ -148,7 +162,8 @@ class CostModel:
                 out["slides"] = slide
         if above < -self.config.above:
             out["from_below"] = 1.0
-        if placing.after is not None and float(direction @ placing.after.exit_direction) < 0.9999:
+        follows = placing.after is not None and not placing.turned_after
+        if follows and placing.after is not None and float(direction @ placing.after.exit_direction) < 0.9999:
             out["direction_changes"] = 1.0
         alike = scene.alike_to(members)
         interrupted = alike & gone and not (placing.after is not None and placing.after.members & alike)
@@ -164,6 +179,8 @@ class CostModel:
             out["tools_blocked"] = 1.0
         if rest and not scene.touched_by(members) & rest:
             out["apart"] = 1.0
+        if parted := sum(1 for group in self.together if group & rest and group & gone and not group & members):
+            out["parted"] = float(parted)
         return out
 
     def of_hands(self, held_before: int, held_after: int) -> Amounts:
@@ -197,6 +214,43 @@ class CostModel:
             out["turned"] = 1.0
         return out
 
+    def of_turn(self, placed: int, held: int, table: Table) -> Amounts:
+        """Return what it adds that the product is turned over, hands aside.
+
+        Args:
+            placed: Mask of the parts that are turned.
+            held: How many of them must be held on the new table.
+            table: The new one.
+        """
+        out: Amounts = {"turn_overs": 1.0}
+        if held:
+            out["held"] = float(held)
+        if (loose := self._groups(placed) - 1) > 0:
+            out["turned_loose"] = float(loose)
+        if (tips := self._unsteady(placed, table)) > 1e-9:
+            out["unsteady"] = tips
+        return out
+
+    def _groups(self, placed: int) -> int:
+        """How many groups of joined parts there are among the placed ones."""
+        count, left = 0, placed
+        while left:
+            seen = frontier = left & -left
+            while frontier:
+                reached = 0
+                for part in bits(frontier):
+                    reached |= self._joined(part)
+                frontier = reached & placed & ~seen
+                seen |= frontier
+            count, left = count + 1, left & ~seen
+        return count
+
+    def _joined(self, part: int) -> int:
+        """Mask of the parts that are rigidly joined to one."""
+        names = self.scene.names
+        touched = bits(self.scene.neighbours[part])
+        return sum(1 << other for other in touched if self.touching.fastened(names[part], names[other]))
+
     def _unsteady(self, standing: int, table: Table) -> float:
         names = [self.scene.names[part] for part in bits(standing)]
         return unsteadiness(self.touching, names, table, steady=self.config.steady)
@@ -227,25 +281,36 @@ def plan_cost(plan: AssemblyPlan, model: CostModel) -> OrderCost | None:
 
 def _add_level(amounts: Amounts, level: AssemblyPlan | Subassembly, model: CostModel, *, top: bool) -> None:
     assert level.table is not None
-    scene, up = model.scene, level.table.normal
-    steps = level.steps
+    scene, steps = model.scene, level.steps
+    tables = step_tables(steps, level.table)
     everything = scene.mask(name for step in steps for name in step.members)
     first = steps[0]
     standing = scene.mask(step.part for step in steps if not step.moves)
     start = model.of_start(scene.mask([first.part]), standing, len(first.held), level.fixture is not None, level.table)
     add(amounts, start if top else {term: start[term] for term in ("held", "hands_missing") if term in start})
     after: Placing | None = None
-    placings: list[Placing] = []
-    for step in reversed(steps[1:]):
+    turned_after = False
+    for step, table in zip(reversed(steps[1:]), reversed(tables[1:]), strict=True):
+        assert table is not None
         if step.moves:
             members = scene.mask(step.members)
             after = Placing(
-                members=members, exit_direction=way_out(step), rest=scene.mask(step.fixed) & everything, after=after
+                members=members,
+                exit_direction=way_out(step),
+                rest=scene.mask(step.fixed) & everything,
+                after=after,
+                turned_after=turned_after,
             )
-            placings.append(after)
-            add(amounts, model.of_placing(after, everything & ~members & ~after.rest, up))
+            add(amounts, model.of_placing(after, everything & ~members & ~after.rest, table.normal))
+            turned_after = False
+        if step.table is not None:
+            placed = scene.mask(step.fixed) & everything
+            add(amounts, model.of_turn(placed, len(step.held_before), step.table))
+            turned_after = True
     held = len(first.held)
     for step in steps[1:]:
+        if step.table is not None:
+            held = len(step.held_before)
         if step.moves:
             add(amounts, model.of_hands(held, len(step.held)))
         held = len(step.held)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
-from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.separation import Separation
 
 
@@ -35,6 +35,23 @@ class Departure:
         is_turned = self.separation.declared is not None and self.separation.direction_index is not None
         return replace(self.refusal, only_turned=is_turned)
 
+    def avoids(self, refused: Collection[Refusal], others: int) -> bool:
+        """Return whether none of these refusals is about this departure past these others (a mask), insides aside."""
+        s, declared = self.separation.direction_index, self.separation.declared
+        if declared is not None and is_refused(refused, self.members, s, others, only_turned=True):
+            return False
+        return not is_refused(refused, self.members, s, others)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turn:
+    """The product is turned over once."""
+
+    count: int
+    """How many parts leave, the first ones, before it is: so many are placed after it was turned over in assembly."""
+    up: tuple[float, float, float]
+    """Away from the table on which they are placed, unit."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class HeldProduct:
@@ -58,8 +75,26 @@ class DisassemblyResult:
     """Parts that could not leave, the base and what is inside subassemblies aside, each with what is known."""
     up: tuple[float, float, float] | None = None
     """Away from the table that the order is for; None: any."""
+    turn: Turn | None = None
+    """Where the product is turned over from that table to another; None: it is not."""
     held_products: tuple[HeldProduct, ...] = ()
     """Products that were to leave as one and could not."""
+
+    def avoids(self, refused: Collection[Refusal], start: int) -> bool:
+        """Return whether none of these refusals is about any of its departures, those inside subassemblies included.
+
+        Args:
+            refused: Ways out that are not to be taken.
+            start: Mask of the parts that were there.
+        """
+        remaining = start
+        for departure in self.removals:
+            remaining &= ~departure.members
+            if not departure.avoids(refused, remaining):
+                return False
+            if departure.inside is not None and not departure.inside.avoids(refused, departure.members):
+                return False
+        return True
 
     def departures(self) -> Iterator[Departure]:
         """Yield every departure, those inside subassemblies included."""

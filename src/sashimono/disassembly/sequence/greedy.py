@@ -19,7 +19,7 @@ from sashimono.assembly import few_words
 from sashimono.disassembly.blocking.groups import find_subassembly
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.refusal import Refusal
+from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
 from sashimono.disassembly.sequence.as_one import BodiesAsOne
 from sashimono.disassembly.sequence.constraints import OrderConstraints, resolve
@@ -27,7 +27,7 @@ from sashimono.disassembly.sequence.cost import OrderCostConfig
 from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult, HeldProduct
 from sashimono.disassembly.sequence.products import ProductConfig, ProductGroup, whole_groups
 from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
-from sashimono.disassembly.sequence.search import OrderSearchConfig
+from sashimono.disassembly.sequence.search_config import OrderSearchConfig
 from sashimono.plan import Answer
 
 
@@ -285,7 +285,7 @@ class _Chooser:
         rest += self.config.connected * self.connected(others)
         ways = []
         for s in range(blocking.count_directions):
-            if Refusal(members=group.members, direction_index=s) in self.refused:
+            if is_refused(self.refused, group.members, s, others):
                 continue
             if any(blocking.masks(part, s)[0] & others for part in members):
                 continue
@@ -306,7 +306,8 @@ class _Chooser:
         for group in sorted(
             self.units(remaining), key=lambda group: (self.bulk[bits(group.members)].sum(), group.name)
         ):
-            if group.members >> protected & 1 or Refusal(members=group.members, direction_index=None) in self.refused:
+            others = remaining & ~group.members
+            if group.members >> protected & 1 or is_refused(self.refused, group.members, None, others):
                 continue
             if any(self.wishes.holds_back(part, remaining & ~group.members) for part in bits(group.members)):
                 continue
@@ -331,14 +332,14 @@ class _Chooser:
         separation = self.cascade.directions.along(part, remaining, preference=worth, refused=self.refused)
         before_groups = takewhile(lambda stage: stage is not self.cascade.groups, self.later_stages)
         for stage in before_groups:
-            if separation is None and not self._is_refused(part):
+            if separation is None and not self._is_refused(part, remaining):
                 found = self.inquiry.ask(stage, part, remaining)
                 separation = found if found.answer is Answer.FREE else None
         return None if separation is None else Departure(part=part, members=1 << part, separation=separation)
 
-    def _is_refused(self, part: int) -> bool:
+    def _is_refused(self, part: int, remaining: int) -> bool:
         """Whether what the later stages found for a part was refused."""
-        return Refusal(members=1 << part, direction_index=None) in self.refused
+        return is_refused(self.refused, 1 << part, None, remaining & ~(1 << part))
 
     def next_by_one_translation(
         self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None
@@ -364,8 +365,8 @@ class _Chooser:
                 part, remaining, preference=worth, refused=self.refused, among=(direction_index,)
             )
             if separation is not None:
-                turn = Refusal(members=1 << part, direction_index=direction_index, only_turned=True)
-                if turn not in self.refused:
+                others = remaining & ~(1 << part)
+                if not is_refused(self.refused, 1 << part, direction_index, others, only_turned=True):
                     separation = self.cascade.with_declared_thread(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
@@ -383,7 +384,7 @@ class _Chooser:
     ) -> Departure | None:
         """A part that a later stage frees, the protected one last; else None, and ``said`` knows more of every part."""
         for part in sorted(bits(self.free_parts(remaining)), key=lambda k: (k == protected, self.bulk[k], k)):
-            if self._is_refused(part):
+            if self._is_refused(part, remaining):
                 said[part] = REFUSED
                 continue
             if part == self.wishes.base:

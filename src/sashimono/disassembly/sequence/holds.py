@@ -61,6 +61,10 @@ class Allowance:
     def __init__(self, most: int) -> None:
         self._left = most
 
+    def renew(self, most: int) -> None:
+        """Allow this many again."""
+        self._left = most
+
     def take(self) -> bool:
         """Return whether one more may be asked, and take it away."""
         self._left -= 1

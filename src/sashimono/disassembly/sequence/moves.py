@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
 
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
-from sashimono.disassembly.sequence.ways import Leaving, Unit, Ways
+from sashimono.disassembly.sequence.ways import Candidate, Leaving, Unit, Ways
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,6 +21,41 @@ class Blocked:
     """What would no longer come in."""
     by_wish: bool
     """Whether the user wants it to come before the part that is moved; else no way past that is known."""
+    by_turn: bool = False
+    """Whether the product is turned over between the two."""
+
+
+def earlier_in(
+    order: Candidate,
+    later: int,
+    own: int,
+    *,
+    start: int,
+    ways: Callable[[Float[np.ndarray, "3"]], Ways],
+    wishes: ResolvedConstraints,
+) -> Candidate | Blocked:
+    """Return the order with one part placed earlier, see `placed_earlier`; both on one table.
+
+    Args:
+        order: Its cost is left as it was.
+        later: Place of what is moved.
+        own: Place after which it leaves then.
+        start: Mask of all parts of the order.
+        ways: Ways out, by the direction away from the table.
+        wishes: What the user wants.
+    """
+    first = 0 if order.turn is None or later < order.turn.count else order.turn.count
+    if order.turn is not None and first == 0 and own >= order.turn.count:
+        return Blocked(unit=order.leaving[own].unit, by_wish=False, by_turn=True)
+    for gone in order.leaving[:first]:
+        start &= ~gone.unit.members
+    stop = order.turn.count if order.turn is not None and first == 0 else len(order.leaving)
+    leaving = placed_earlier(
+        order.leaving[first:stop], later - first, own - first, start=start, ways=ways(order.up_at(later)), wishes=wishes
+    )
+    if isinstance(leaving, Blocked):
+        return leaving
+    return replace(order, leaving=(*order.leaving[:first], *leaving, *order.leaving[stop:]))
 
 
 def placed_earlier(

@@ -9,7 +9,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.assembly import few_words
 from sashimono.disassembly.cascade import Cascade
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
 from sashimono.disassembly.sequence.constraints import resolve
 from sashimono.disassembly.sequence.cost import CostModel, plan_cost
@@ -92,7 +94,8 @@ class Orderer:
         """The cost."""
         up = np.array(self._config.up) / np.linalg.norm(self._config.up)
         scene = OrderScene(self._cascade, self.fasteners, up=up)
-        return CostModel(scene=scene, touching=self.touching, config=self._config.cost)
+        wishes = resolve(self._config.constraints, self._cascade.assembly.names)
+        return CostModel(scene=scene, touching=self.touching, config=self._config.cost, together=wishes.together)
 
     @cached_property
     def search(self) -> OrderSearch:
@@ -152,12 +155,35 @@ class Orderer:
         names = self._cascade.assembly.names
         kept = tuple(d for d in found.removals if names[d.part] in plan.order)
         start = sum(d.members for d in kept) | 1 << found.base | sum(1 << part for part, _ in found.stuck)
+        turn = found.turn
+        if turn is not None:
+            turn = replace(turn, count=sum(d in kept for d in found.removals[: turn.count]))
         asked = self.search.alternatives(
-            replace(found, removals=kept), start=start, refused=refused, up=plan.table.normal, products=products
+            replace(found, removals=kept),
+            start=start,
+            refused=refused,
+            up=plan.table.normal,
+            turn=turn,
+            products=products,
         )
         by_name = {names[part]: alternatives for part, alternatives in asked.items()}
         steps = tuple(replace(step, alternatives=by_name.get(step.part, ())) for step in plan.steps)
         return replace(plan, steps=steps)
+
+    def parted(self, plan: AssemblyPlan) -> tuple[str, ...]:
+        """Return, a line a group, what comes between parts of a plan that the user wants together; none if nothing."""
+        lines = []
+        names = self._cascade.assembly.names
+        for words, group in zip(self._config.constraints.together, self.model.together, strict=True):
+            wanted = {names[k] for k in bits(group)}
+            places = [k for k, step in enumerate(plan.steps) if wanted & {*step.members}]
+            inside = plan.steps[places[0] : places[-1]] if places else ()
+            between = [step.part for step in inside if not wanted & {*step.members}]
+            if between:
+                lines.append(
+                    f"--together {','.join(words)}: {few_words(between)} between them; no order was found without"
+                )
+        return tuple(lines)
 
     def cost(self, plan: AssemblyPlan) -> OrderCost | None:
         """Return what the order of a finished plan costs; None without a table."""

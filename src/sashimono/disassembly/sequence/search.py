@@ -8,89 +8,27 @@ are counted again with all held parts by linear programs, the greedy order among
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.cascade import Cascade
-from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal
-from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.sequence.alternatives import Alternatives
 from sashimono.disassembly.sequence.constraints import ResolvedConstraints
-from sashimono.disassembly.sequence.cost import START_TERMS, Amounts, CostModel, Placing, add
-from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult
-from sashimono.disassembly.sequence.holds import Allowance, Balance, Contacts, HoldCounter, table_under
-from sashimono.disassembly.sequence.moves import Blocked, placed_earlier
-from sashimono.disassembly.sequence.products import ProductGroup, base_group_waits
-from sashimono.disassembly.sequence.ways import Candidate, Leaving, Unit, Way, Ways, Work, units_of
-from sashimono.plan import Alternative, Answer
-
-
-@dataclass(frozen=True, kw_only=True)
-class OrderSearchConfig:
-    """How much is searched. Budgets count work."""
-
-    enabled: bool = True
-    """Whether orders are searched; else the greedy one is taken."""
-    width: int = 6
-    """Orders that grow side by side."""
-    starts: int = 3
-    """Bases with a table that orders are grown for."""
-    same_table: float = 0.6
-    """Cosine between two up directions above which only the cheaper of them is looked at closely for a base."""
-    bases: int = 3
-    """Parts that are looked at as bases. A fastener is none."""
-    least_base: float = 0.1
-    """Bulk times neighbours that a base has at least, over the most of any part."""
-    expansions: int = 12_000
-    """Parts asked for a way out; with many parts, the beam is narrower for it."""
-    balances: int = 8_000
-    """Rigid groups, each with what is around it, whose balance is asked to bound what must be held."""
-    exact: int = 2
-    """Orders, for different bases or tables, of which the fewest held parts are found at every step at the end,
-    besides the greedy one."""
-    exact_sets: int = 120
-    """Sets of placed parts for which that is done, at most; orders with more are compared by the bounds."""
-    moves: int = 3_000
-    """Steps counted anew for orders in which one part is placed earlier, to make the best ones better."""
-    traced: float = 1_500_000.0
-    """Points of pairs of parts that are traced along straight lines."""
-    explained: int = 20
-    """Later parts of which each step says why they did not come instead, where that is asked."""
-    table_gap: float = 0.01
-    """How much lower than the base another part may lie, over the product's size, without a fixture."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _State:
-    """An order of taking apart as far as it has grown."""
-
-    remaining: int
-    surplus: float
-    """What it costs more than was expected of those that left."""
-    held: int
-    """Parts that must be held of those that remain, as far as that is bounded."""
-    placing: Placing | None = None
-    leaving: Leaving | None = None
-    before: _State | None = None
-    in_fixture: bool = False
-    """Whether a part came from below, so that the base must stand in a fixture."""
-
-    def path(self) -> tuple[Leaving, ...]:
-        out = []
-        state: _State | None = self
-        while state is not None and state.leaving is not None:
-            out.append(state.leaving)
-            state = state.before
-        return tuple(reversed(out))
+from sashimono.disassembly.sequence.cost import START_TERMS, CostModel
+from sashimono.disassembly.sequence.departures import Departure, DisassemblyResult, Turn
+from sashimono.disassembly.sequence.holds import Contacts
+from sashimono.disassembly.sequence.products import ProductGroup
+from sashimono.disassembly.sequence.search_config import OrderSearchConfig
+from sashimono.disassembly.sequence.search_run import SearchRun, SearchSite
+from sashimono.disassembly.sequence.ways import Candidate
+from sashimono.plan import Alternative
 
 
 class OrderSearch:
-    """Searches orders of one assembly."""
+    """Searches orders of one assembly. What it has found once it does not ask again."""
 
     def __init__(
         self,
@@ -101,11 +39,7 @@ class OrderSearch:
         *,
         config: OrderSearchConfig,
     ) -> None:
-        self._cascade = cascade
-        self._contacts = contacts
-        self._model = model
-        self._wishes = wishes
-        self._config = config
+        self._site = SearchSite(cascade=cascade, contacts=contacts, model=model, wishes=wishes, config=config)
 
     def improve(
         self,
@@ -120,7 +54,7 @@ class OrderSearch:
         """Return a disassembly of the same parts that costs least of those looked at, with the table it is for.
 
         Args:
-            found: The greedy one.
+            found: The greedy one, which takes none of the ways that are refused.
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
             up: Away from the table, where that is given; else the search chooses.
@@ -131,12 +65,17 @@ class OrderSearch:
         found = replace(found, removals=removals)
         if not removals:
             return found
-        work = Work(self._cascade, self._config.traced)
-        run = _Run(self, found, start, refused, work, up, products)
-        candidates: list[Candidate] = []
-        for first in run.starts(top):
-            candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
-        best = run.best(candidates)
+        run = SearchRun(self._site, found, start, refused, up, products)
+        may_turn = top and up is None
+        mended = run.mended()
+        if mended is None or not mended[1]:
+            candidates: list[Candidate] = [] if mended is None else [mended[0]]
+            for first in run.starts(top):
+                candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
+            best = run.best(candidates, may_turn=may_turn)
+        else:
+            best = run.best([mended[0]], may_turn=False)
+        run.remember(best)
         return found if best is None else run.result(best)
 
     def alternatives(
@@ -146,6 +85,7 @@ class OrderSearch:
         start: int,
         refused: frozenset[Refusal],
         up: Float[np.ndarray, "3"],
+        turn: Turn | None = None,
         products: Sequence[ProductGroup] = (),
     ) -> dict[int, tuple[Alternative, ...]]:
         """Return what else could have come in place of each departure, by its part; inside subassemblies aside.
@@ -154,19 +94,20 @@ class OrderSearch:
             found: The disassembly that was taken.
             start: Mask of the parts that were there.
             refused: Ways out that are not to be taken.
-            up: Away from the table, unit.
+            up: Away from the table that it begins on, unit.
+            turn: Where the product is turned over.
             products: What leaves as one.
         """
-        run = _Run(self, found, start, refused, Work(self._cascade, self._config.traced), up, products)
-        ways, order = run.ways(up), run.greedy(up)
+        run = SearchRun(self._site, found, start, refused, up, products)
+        order = replace(run.greedy(up), turn=turn)
         asked = Alternatives(
             order,
             start,
-            ways,
-            self._model,
+            run.ways,
+            self._site.model,
             run.wishes,
             lambda candidate: run.amounts(candidate, exact=False),
-            most=self._config.explained,
+            most=self._site.config.explained,
         )
         count = len(order.leaving)
         return {order.leaving[count - 1 - k].unit.part: asked.of_step(k) for k in range(count)}
@@ -178,13 +119,14 @@ class OrderSearch:
 
         Of what is inside subassemblies, bases and tables do not count, as in the cost of a plan.
         """
-        up = self._model.scene.up if found.up is None else np.array(found.up)
-        run = _Run(self, found, start, frozenset(), Work(self._cascade, 0.0), up, products)
-        amounts = run.amounts(run.greedy(up), exact=False)
+        model = self._site.model
+        up = model.scene.up if found.up is None else np.array(found.up)
+        run = SearchRun(self._site, found, start, frozenset(), up, products)
+        amounts = run.amounts(replace(run.greedy(up), turn=found.turn), exact=False)
         if not top:
             amounts = {term: amount for term, amount in amounts.items() if term not in START_TERMS}
         below = (d for d in found.removals if d.inside is not None and d.inside.removals)
-        return self._model.total(amounts) + sum(
+        return model.total(amounts) + sum(
             self.cost(d.inside, start=d.members, products=products, top=False) for d in below if d.inside is not None
         )
 
@@ -194,360 +136,3 @@ class OrderSearch:
             return departure
         inside = self.improve(departure.inside, start=departure.members, refused=refused, products=products, top=False)
         return replace(departure, inside=inside, part=inside.base)
-
-
-class _Run:
-    """One search: the units, the budgets, the tables looked at."""
-
-    def __init__(
-        self,
-        search: OrderSearch,
-        found: DisassemblyResult,
-        start: int,
-        refused: frozenset[Refusal],
-        work: Work,
-        up: Float[np.ndarray, "3"] | None,
-        products: Sequence[ProductGroup],
-    ) -> None:
-        self._cascade = search._cascade
-        self._contacts = search._contacts
-        self._model = search._model
-        self._config = search._config
-        waits = base_group_waits(products, found.base, start, len(search._cascade.parts))
-        self.wishes = search._wishes.and_waits(waits)
-        """What the user wants, and that the product with the base in it is put together first."""
-        self._found = found
-        self._start = start
-        self._refused = refused
-        self._work = work
-        self._up = up
-        self._stuck = sum(1 << part for part, _ in found.stuck)
-        self._units = units_of(found.base, found.removals, start)
-        self._by_table: dict[tuple[int, bytes], tuple[HoldCounter, bool]] = {}
-        self._ways: dict[bytes, Ways] = {}
-        self._allowance = Allowance(self._config.balances)
-        self._balances: dict[bytes, dict[Balance, bool]] = {}
-
-    @property
-    def width(self) -> int:
-        """How many orders grow side by side."""
-        count = len(self._units)
-        return max(1, min(self._config.width, self._config.expansions // (count * count)))
-
-    def ways(self, up: Float[np.ndarray, "3"]) -> Ways:
-        """Return the ways out for one up direction."""
-        key = np.round(up, 9).tobytes()
-        if key not in self._ways:
-            self._ways[key] = Ways(
-                self._cascade,
-                self._model.scene,
-                up,
-                refused=self._refused,
-                work=self._work,
-                above=self._model.config.above,
-            )
-        return self._ways[key]
-
-    def starts(self, top: bool) -> list[Candidate]:
-        """Return quick orders for bases and tables: those that cost least."""
-        found: list[Candidate] = []
-        bases = self._bases(top)
-        most = max(1, 2 * self._config.expansions // (len(self._units) ** 2 * len(bases)))
-        for base in bases:
-            for normal in self._normals(base)[:most] if self._up is None else [self._up]:
-                expected = self.expected(self.greedy(normal))
-                found += self.grow(base, normal, expected, width=1, quick=True)
-        chosen: list[Candidate] = []
-        for order in sorted(found, key=lambda order: round(order.cost, 6)):
-            if not any(
-                other.base == order.base and float(other.up @ order.up) > self._config.same_table for other in chosen
-            ):
-                chosen.append(order)
-        return chosen[: self._config.starts]
-
-    def expected(self, order: Candidate) -> dict[int, float]:
-        """Return, by unit, what it cost in this order to bring it as it was brought there, whatever came around it.
-
-        Which of two units leaves first says little if one of them costs more whenever it leaves. So a search compares
-        orders that are not finished by what they cost more than this.
-        """
-        out: dict[int, float] = {}
-        remaining = self._start
-        for leaving in order.leaving:
-            members = leaving.unit.members
-            remaining &= ~members
-            placing = Placing(members=members, exit_direction=leaving.way.exit_direction, rest=remaining)
-            amounts = self._model.of_placing(placing, 0, order.up)
-            out[members] = self._model.total(
-                {term: amounts[term] for term in ("not_from_above", "from_below", "slides") if term in amounts}
-            )
-        return out
-
-    def _bases(self, top: bool) -> list[int]:
-        """The greedy base, then those with the highest scores; one alone if the user named it or parts are stuck."""
-        first = 1 << self._found.base
-        if self._stuck or (top and self.wishes.base is not None):
-            return [first]
-        scene = self._model.scene
-        others = [unit.members for unit in self._units if unit.single and unit.members != first]
-        others = [mask for mask in others if not any(w & mask for w in self._waiting_masks())]
-        least = self._config.least_base
-        others = [m for m in others if scene.base_score(m) >= least and m.bit_length() - 1 not in scene.fasteners]
-        others.sort(key=lambda mask: (-round(scene.base_score(mask), 9), mask))
-        return [first, *others[: self._config.bases - 1]]
-
-    def _waiting_masks(self) -> Iterator[int]:
-        """Masks of the parts that the user wants to be placed after some other: none of them is a base."""
-        for part in bits(self._start):
-            yield self.wishes.waits[part] & self._start
-
-    def _normals(self, base: int) -> list[Float[np.ndarray, "3"]]:
-        """The file's up first, then the world's axes and the base's own lines, both ways."""
-        part = base.bit_length() - 1
-        lines = [*np.eye(3)[[2, 1, 0]], *self._cascade.parts.part_lines[part][:3]]
-        out = [self._model.scene.up]
-        for line in lines:
-            for normal in (line, -line):
-                if all(float(normal @ other) < 0.999 for other in out):
-                    out.append(np.array(normal))
-        return out
-
-    def grow(
-        self,
-        base: int,
-        up: Float[np.ndarray, "3"],
-        expected: Mapping[int, float],
-        *,
-        width: int,
-        quick: bool = False,
-    ) -> list[Candidate]:
-        """Return the orders that a beam grows for one base and table, the cheapest first.
-
-        Args:
-            base: Mask of one part.
-            up: Unit.
-            expected: By unit, what it is expected to cost by itself.
-            width: Orders that grow side by side.
-            quick: Whether the maps alone say what is free. Such an order may not be possible.
-        """
-        ways = self.ways(up)
-        holds, in_fixture = self._holds(base, up)
-        beam = [_State(remaining=self._start, surplus=0.0, held=holds.at_least(self._start))]
-        standing = base | self._stuck
-        while beam[0].remaining != standing:
-            grown = sorted(
-                (
-                    entry
-                    for place, state in enumerate(beam)
-                    for entry in self._grown(state, place, base, up, ways, expected, quick)
-                ),
-                key=lambda entry: entry[:4],
-            )
-            kept: dict[tuple[int, int | None], _State] = {}
-            for surplus, place, _, _, placing, leaving in grown[: 8 * width]:
-                before = beam[place]
-                held = holds.at_least(placing.rest)
-                surplus += self._model.total(self._model.of_hands(held, before.held))
-                key = (placing.rest, leaving.way.direction_index)
-                if key not in kept or surplus < kept[key].surplus - 1e-9:
-                    kept[key] = _State(
-                        remaining=placing.rest,
-                        surplus=surplus,
-                        held=held,
-                        placing=placing,
-                        before=before,
-                        leaving=leaving,
-                        in_fixture=before.in_fixture or self._is_from_below(placing, up),
-                    )
-            beam = self._distinct(sorted(kept.values(), key=lambda state: round(state.surplus, 6)))[:width]
-            if not beam:
-                return []
-        first = sum(expected.get(unit.members, 0.0) for unit in self._units if unit.members != base)
-        first += self._model.total(
-            self._model.of_start(base, base | self._stuck, holds.at_least(base | self._stuck), in_fixture, holds.table)
-        )
-        return [Candidate(base=base, up=up, leaving=state.path(), cost=first + state.surplus) for state in beam]
-
-    def _distinct(self, states: Sequence[_State]) -> list[_State]:
-        """The states, without those that differ from an earlier one only in which of several alike parts have left."""
-        seen: set[tuple[int, int | None, float]] = set()
-        out = []
-        for state in states:
-            last = None if state.leaving is None else state.leaving.way.direction_index
-            key = (self._model.scene.regardless_of_alike(state.remaining), last, round(state.surplus, 6))
-            if key not in seen:
-                seen.add(key)
-                out.append(state)
-        return out
-
-    def polished(self, candidate: Candidate) -> Candidate:
-        """Return an order with single parts placed earlier as long as that makes it cheaper and the budget lasts."""
-        ways, count = self.ways(candidate.up), len(candidate.leaving)
-        best = self._model.total(self.amounts(candidate, exact=False))
-        tries = self._config.moves // max(1, count)
-        pairs = [(own, own - by) for by in range(1, count) for own in range(by, count)]
-        place, since = 0, 0
-        while since < len(pairs) and tries > 0:
-            own, later = pairs[place]
-            place, since = (place + 1) % len(pairs), since + 1
-            order = placed_earlier(candidate.leaving, later, own, start=self._start, ways=ways, wishes=self.wishes)
-            if isinstance(order, Blocked):
-                continue
-            tries -= 1
-            changed = replace(candidate, leaving=order)
-            cost = self._model.total(self.amounts(changed, exact=False))
-            if cost < best - 1e-6:
-                candidate, best, since = changed, cost, 0
-        return replace(candidate, cost=best)
-
-    def _grown(
-        self,
-        state: _State,
-        place: int,
-        base: int,
-        up: Float[np.ndarray, "3"],
-        ways: Ways,
-        expected: Mapping[int, float],
-        quick: bool,
-    ) -> Iterator[tuple[float, int, int, int, Placing, Leaving]]:
-        """What one more unit's leaving leads to: the surplus, hands aside, what breaks ties, and how it leaves."""
-        remaining = state.remaining
-        gone = self._start & ~remaining
-        last = None if state.leaving is None else state.leaving.way.direction_index
-        _, in_fixture = self._holds(base, up)
-        for unit in self._units:
-            members = unit.members
-            if members & ~remaining or members == base or self._holds_back(members, remaining):
-                continue
-            way = ways.open_way(unit, remaining) if quick else ways.way(unit, remaining, last)
-            if way is None:
-                continue
-            placing = Placing(
-                members=members, exit_direction=way.exit_direction, rest=remaining & ~members, after=state.placing
-            )
-            cost = state.surplus + self._model.total(self._model.of_placing(placing, gone, up))
-            cost -= expected.get(members, 0.0)
-            if not (in_fixture or state.in_fixture) and self._is_from_below(placing, up):
-                cost += self._model.config.fixture
-            # of alike parts, those with the higher names go first, so that they are placed in natural order
-            yield round(cost, 6), place, self._rank[unit.part], -unit.part, placing, Leaving(unit=unit, way=way)
-
-    def _is_from_below(self, placing: Placing, up: Float[np.ndarray, "3"]) -> bool:
-        return float(placing.exit_direction @ up) < -self._model.config.above
-
-    @cached_property
-    def _rank(self) -> Sequence[int]:
-        """By part: its place when parts are ordered by bulk."""
-        bulk = np.round(np.log(np.maximum(self._model.scene.bulk, 1e-30)), 3)
-        return np.unique(bulk, return_inverse=True)[1].tolist()
-
-    def _holds_back(self, members: int, remaining: int) -> bool:
-        return any(self.wishes.holds_back(part, remaining & ~members) for part in bits(members))
-
-    def _holds(self, base: int, up: Float[np.ndarray, "3"]) -> tuple[HoldCounter, bool]:
-        key = (base, np.round(up, 9).tobytes())
-        if key not in self._by_table:
-            scene = self._model.scene
-            lows = scene.bounds_along(up)[:, 0]
-            inside = np.array([lows[part] for part in bits(self._start)])
-            gap = self._config.table_gap * scene.size
-            standing = base | self._stuck
-            table, in_fixture = table_under(inside, float(min(lows[part] for part in bits(standing))), up, gap)
-            counter = HoldCounter(
-                self._contacts,
-                table,
-                fixed=standing if in_fixture else 0,
-                allowance=self._allowance,
-                known=self._balances.setdefault(key[1], {}),
-            )
-            self._by_table[key] = (counter, in_fixture)
-        return self._by_table[key]
-
-    def best(self, candidates: Sequence[Candidate]) -> Candidate | None:
-        """Return the cheapest of the best few, all held parts counted exactly, and the greedy order among them."""
-        ranked = sorted(range(len(candidates)), key=lambda k: (round(candidates[k].cost, 6), k))
-        tables: dict[tuple[int, bytes], Candidate] = {}
-        for k in ranked:
-            tables.setdefault((candidates[k].base, candidates[k].up.tobytes()), candidates[k])
-        tried = [self.polished(candidate) for candidate in list(tables.values())[: self._config.exact]]
-        base = 1 << self._found.base
-        normals = self._normals(base) if self._up is None else [self._up]
-        greedy = min(map(self.greedy, normals), key=lambda order: round(self.cost(order, exact=False), 6))
-        compared = [*tried, greedy]
-        exact = len(self._units) * len(compared) <= self._config.exact_sets
-        scored = [(round(self.cost(order, exact=exact), 6), k, order) for k, order in enumerate(compared)]
-        return min(scored, key=lambda entry: entry[:2])[2]
-
-    def greedy(self, up: Float[np.ndarray, "3"]) -> Candidate:
-        """Return the order that was found first, for a table."""
-        leaving = []
-        for unit in self._units:
-            removal = None if unit.known is None else unit.known.separation.removal
-            if removal is not None:
-                leaving.append(Leaving(unit=unit, way=Way(direction_index=None, exit_direction=removal.exit_direction)))
-        return Candidate(base=1 << self._found.base, up=up, leaving=tuple(leaving), cost=np.inf)
-
-    def cost(self, candidate: Candidate, *, exact: bool) -> float:
-        """Return the cost of an order, the held parts of every step found by linear programs, or bounded."""
-        return self._model.total(self.amounts(candidate, exact=exact))
-
-    def amounts(self, candidate: Candidate, *, exact: bool) -> Amounts:
-        """Return the terms of an order."""
-        holds, in_fixture = self._holds(candidate.base, candidate.up)
-        count = holds.fewest if exact else holds.at_least
-        out: Amounts = {}
-        remaining, after, below = self._start, None, in_fixture
-        held = count(remaining)
-        for leaving in candidate.leaving:
-            members = leaving.unit.members
-            rest = remaining & ~members
-            after = Placing(members=members, exit_direction=leaving.way.exit_direction, rest=rest, after=after)
-            add(out, self._model.of_placing(after, self._start & ~remaining, candidate.up))
-            if self._is_from_below(after, candidate.up):
-                below = True
-            held_before = count(rest)
-            add(out, self._model.of_hands(held_before, held))
-            remaining, held = rest, held_before
-        add(out, self._model.of_start(candidate.base, candidate.base | self._stuck, held, below, holds.table))
-        return out
-
-    def result(self, candidate: Candidate) -> DisassemblyResult:
-        """Return an order as level 1 says it, with level 1's own answer for every departure."""
-        removals = []
-        remaining = self._start
-        for leaving in candidate.leaving:
-            removals.append(self._departure(leaving, remaining))
-            remaining &= ~leaving.unit.members
-        return replace(
-            self._found,
-            base=candidate.base.bit_length() - 1,
-            removals=tuple(removals),
-            up=tuple(float(x) for x in candidate.up),
-        )
-
-    def _departure(self, leaving: Leaving, remaining: int) -> Departure:
-        unit, s = leaving.unit, leaving.way.direction_index
-        if s is None:
-            assert unit.known is not None
-            return unit.known
-        if not unit.single:
-            return self._as_one(unit, s, remaining)
-        separation = self._cascade.directions.along(
-            unit.part, remaining, preference=lambda direction: 0.0, refused=self._refused, among=(s,)
-        )
-        assert separation is not None, "the relation answers the same question the same way"
-        turn = Refusal(members=unit.members, direction_index=s, only_turned=True)
-        if turn not in self._refused:
-            separation = self._cascade.with_declared_thread(unit.part, remaining, separation)
-        return Departure(part=unit.part, members=unit.members, separation=separation)
-
-    def _as_one(self, unit: Unit, direction_index: int, remaining: int) -> Departure:
-        """The departure of a product along a direction, past what remains."""
-        assert unit.known is not None
-        parts = self._cascade.parts
-        direction = self._cascade.blocking.direction(direction_index)
-        removal = parts.straight_removal(unit.members, remaining & ~unit.members, direction)
-        separation = Separation(
-            answer=Answer.FREE, removal=removal, direction_index=direction_index, stage="subassembly"
-        )
-        return replace(unit.known, separation=separation)

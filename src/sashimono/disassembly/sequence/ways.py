@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits
-from sashimono.disassembly.refusal import Refusal
-from sashimono.disassembly.sequence.departures import Departure
+from sashimono.disassembly.refusal import Refusal, is_refused
+from sashimono.disassembly.sequence.departures import Departure, Turn
 from sashimono.disassembly.sequence.scene import OrderScene
 
 
@@ -74,6 +74,22 @@ class Candidate:
     leaving: tuple[Leaving, ...]
     cost: float
     """With held parts as far as they are bounded."""
+    turn: Turn | None = None
+    """Where the product is turned over."""
+
+    def up_at(self, k: int) -> Float[np.ndarray, "3"]:
+        """Return away from the table on which what leaves as number ``k`` is placed."""
+        return self.up if self.turn is None or k >= self.turn.count else np.array(self.turn.up)
+
+
+class Lines:
+    """What was found of straight lines past any set of parts: the same for every table, order and refusal."""
+
+    def __init__(self) -> None:
+        self.free: dict[tuple[int, int], list[int]] = {}
+        """By part and direction: masks of others past which it leaves."""
+        self.ploughs: dict[tuple[int, int, int], bool] = {}
+        """By part, other part and direction: whether it goes through what the two share."""
 
 
 class Ways:
@@ -87,6 +103,7 @@ class Ways:
         *,
         refused: frozenset[Refusal],
         work: Work,
+        lines: Lines,
         above: float,
     ) -> None:
         """Take in the parts.
@@ -97,6 +114,7 @@ class Ways:
             up: Unit.
             refused: Ways out that are not to be taken.
             work: Counts tracing, shared by all that search the same assembly.
+            lines: What is known of straight lines, shared likewise.
             above: Least cosine of a way out that counts as up.
         """
         self._cascade = cascade
@@ -109,8 +127,7 @@ class Ways:
         self.directions = [blocking.direction(s) for s in range(blocking.count_directions)]
         self._ranked: dict[int, list[tuple[tuple[int, int], int, int]]] = {}
         self._best: dict[tuple[int, int], tuple[int, tuple[int, int]] | None] = {}
-        self._free: dict[tuple[int, int], list[int]] = {}
-        self._ploughs: dict[tuple[int, int, int], bool] = {}
+        self._lines = lines
 
     def way(self, unit: Unit, remaining: int, last: int | None) -> Way | None:
         """Return the best way by which a unit leaves the remaining parts, or None if none is known.
@@ -128,7 +145,7 @@ class Ways:
         others = remaining & ~unit.members
         if unit.is_movable:
             for _, s, blockers in self._ranking(unit.members):
-                if not blockers & others:
+                if not blockers & others and not is_refused(self._refused, unit.members, s, others):
                     return Way(direction_index=s, exit_direction=self.directions[s])
         return self._known(unit, others)
 
@@ -140,7 +157,7 @@ class Ways:
         blocking = self._cascade.blocking
         if blocking.masks(part, direction_index)[0] & others:
             return False
-        known = self._free.setdefault((part, direction_index), [])
+        known = self._lines.free.setdefault((part, direction_index), [])
         if any(others & ~free == 0 for free in known):
             return True
         if not self._work.allows(part, direction_index, others):
@@ -160,7 +177,7 @@ class Ways:
     def _still_holds(self, unit: Unit, others: int) -> bool:
         """Whether the way that is known leads out past these others: all were there, or it would not meet them."""
         assert unit.known is not None
-        if unit.known.refusal in self._refused:
+        if is_refused(self._refused, unit.members, unit.known.separation.direction_index, others):
             return False
         more = others & ~unit.others
         if not more:
@@ -203,16 +220,19 @@ class Ways:
 
     def _leaves(self, members: int, direction_index: int, others: int) -> bool:
         """Whether all of these leave along a direction past the others."""
+        if is_refused(self._refused, members, direction_index, others):
+            return False
         return all(self.is_free(part, direction_index, others) for part in bits(members))
 
     def _is_ploughing(self, members: int, direction_index: int, others: int) -> bool:
         shared = self._cascade.shared
+        ploughs = self._lines.ploughs
         for part in bits(members):
             for other in shared.overlapping(part, bits(others)):
                 key = (part, other, direction_index)
-                if key not in self._ploughs:
-                    self._ploughs[key] = shared.ploughs(part, [other], self.directions[direction_index])
-                if self._ploughs[key]:
+                if key not in ploughs:
+                    ploughs[key] = shared.ploughs(part, [other], self.directions[direction_index])
+                if ploughs[key]:
                     return True
         return False
 
@@ -229,8 +249,6 @@ class Ways:
             fastener = self._scene.fasteners.get(parts[0]) if len(parts) == 1 else None
             found = []
             for s, direction in enumerate(self.directions):
-                if Refusal(members=members, direction_index=s) in self._refused:
-                    continue
                 along = float(direction @ self._up)
                 level = 0 if along >= self._above else 2 if along <= -self._above else 1
                 is_own = len(own) > 0 and float(np.abs(own @ direction).max()) > 0.99996

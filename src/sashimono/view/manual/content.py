@@ -55,13 +55,22 @@ class Task:
     """Parts that were held until here, and stand by themselves now."""
     kept: tuple[str, ...]
     """Parts that were held until here, and must be held on."""
-    turned: bool = False
+    turned: bool
     """Whether a subassembly has to be turned over before it is brought."""
+    up: Float[np.ndarray, "3"]
+    """Away from the table of the task, unit, world frame."""
+    clamped: tuple[str, ...]
+    """What a fixture holds: until the product is turned over."""
 
     @property
     def step(self) -> Step:
         """The first step."""
         return self.steps[0]
+
+    @property
+    def turns_product(self) -> bool:
+        """Whether all that is put together is turned over first."""
+        return self.step.turned
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -91,7 +100,7 @@ class Chapter:
     members: tuple[str, ...]
     tasks: tuple[Task, ...]
     up: Float[np.ndarray, "3"]
-    """Away from the table, unit, world frame."""
+    """Away from the table on which it begins, unit, world frame."""
     fixture: Fixture | None
 
 
@@ -187,8 +196,11 @@ class _Writer:
         letter = "" if prefix == "" else _letter(len(self.chapters))
         tasks: list[Task] = []
         held: tuple[str, ...] = ()
+        clamped = () if plan.fixture is None else plan.fixture.parts
         for group in self._groups(plan.steps, prefix):
             steps = tuple(step for _, step in group)
+            if steps[0].turned:
+                up, held, clamped = _up(steps[0].table), steps[0].held_before, ()
             below = inside.get(steps[0].part)
             self._count += 1
             tasks.append(
@@ -203,11 +215,20 @@ class _Writer:
                     let_go=tuple(name for name in held if name not in steps[-1].held),
                     kept=tuple(name for name in held if name in steps[-1].held),
                     turned=below is not None and float(below.up @ up) < 0.97,
+                    up=up,
+                    clamped=clamped,
                 )
             )
             held = steps[-1].held
         product = "" if isinstance(plan, AssemblyPlan) else plan.product or ""
-        made = Chapter(letter=letter, product=product, members=members, tasks=tuple(tasks), up=up, fixture=plan.fixture)
+        made = Chapter(
+            letter=letter,
+            product=product,
+            members=members,
+            tasks=tuple(tasks),
+            up=_up(plan.table),
+            fixture=plan.fixture,
+        )
         self.chapters.append(made)
         return made
 
@@ -226,6 +247,7 @@ class _Writer:
         if (
             a.moving
             or b.moving
+            or b.turned
             or self._rows[a.part] is not self._rows[b.part]
             or not {a.part, b.part} <= set(self._fasteners)
         ):

@@ -191,9 +191,9 @@ class _Page:
 
     def _task(self, task: Task, chapter: Chapter) -> str:
         words = self._words
-        picture = self._draw.task(task, chapter)
+        picture = self._draw.task(task)
         name = self._name(task)
-        label = way_lines(task.step.insertion, chapter.up, words, arrow=True)
+        label = way_lines(task.step.insertion, task.up, words, arrow=True)
         lines = [f'<p class="do">{_breakable(line)}</p>' for line in self._say(task, chapter, name)]
         lines += [f'<p class="tool">{_escape(line)}</p>' for line in self._tools(task)]
         lines += [f'<p class="hold">{_breakable(line)}</p>' for line in self._holds(task)]
@@ -225,7 +225,7 @@ class _Page:
     def _say(self, task: Task, chapter: Chapter, name: str) -> list[str]:
         words = self._words
         if task.step.insertion:
-            said = [_sentence(way_words(task.step.insertion, chapter.up, words) + self._seat(task), words)]
+            said = [_sentence(way_words(task.step.insertion, task.up, words) + self._seat(task), words)]
         elif task.step.moves:
             said = [_sentence(words.along.format(length="").strip(), words)]
         elif not task.placed:
@@ -239,6 +239,10 @@ class _Page:
             said = [words.place.format(part=name)]
         if task.turned:
             said.insert(0, words.turn_over.format(letter=task.brings))
+        if task.turns_product:
+            held = task.step.held_before
+            more = [words.hold_turned.format(parts=names_words(held, words))] if held else []
+            said[:0] = [words.turn_product, *more]
         return said
 
     def _seat(self, task: Task) -> str:

@@ -19,7 +19,7 @@ from sashimono.view.appearance import linear_rgb, part_colors
 from sashimono.view.display_mesh import cluster_vertices
 from sashimono.view.manual.arrows import Mark, path_arrow, straight_arrow, trail, turn_arrow
 from sashimono.view.manual.camera import Stand, Subject, choose_glass, choose_stand
-from sashimono.view.manual.content import BillRow, Chapter, Task
+from sashimono.view.manual.content import BillRow, Task
 from sashimono.view.manual.drawing import Solid, View, draw_picture, fit_view, layer_of, look_from
 
 MOVING = "#f07d1a"
@@ -80,10 +80,10 @@ class Illustrator:
         self._colors = {name: np.array(linear_rgb(c)) for name, c in part_colors(plan, assembly).items()}
         self._last: Stand | None = None
 
-    def task(self, task: Task, chapter: Chapter) -> Illustration:
+    def task(self, task: Task) -> Illustration:
         """Return the picture of a task."""
         config = self._config
-        held = set(task.held) | set(chapter.fixture.parts if chapter.fixture is not None else ())
+        held = {*task.held, *task.clamped}
         fixed = tuple(self._placed(name, name in held) for name in task.placed)
         orange = np.array(linear_rgb(MOVING))
         target = tuple(self._solid(name, np.eye(4), orange) for name in task.members)
@@ -102,16 +102,16 @@ class Illustrator:
             way=np.concatenate(sampled) if sampled else np.zeros((0, 3)),
             direction=task.step.direction,
         )
-        stand = choose_stand(subject, chapter.up, self._last)
+        stand = choose_stand(subject, task.up, None if task.turns_product else self._last)
         self._last = stand
-        R = look_from(chapter.up, stand.azimuth, stand.elevation)
+        R = look_from(task.up, stand.azimuth, stand.elevation)
         glass = choose_glass(subject, R) if fixed else frozenset()
         fixed = tuple(_glassy(solid) if k in glass else solid for k, solid in enumerate(fixed))
         solids = [*fixed, *moving]
         everything = np.concatenate([solid.points for solid in solids])
         focus = np.concatenate([solid.points for solid in (*moving, *target)] + sampled)
         view, whole = self._views(everything, focus, R)
-        marks = self._marks(ways, view, layer_of(solids, view, shaded=False), len(fixed), chapter.up)
+        marks = self._marks(ways, view, layer_of(solids, view, shaded=False), len(fixed), task.up)
         overview, frame = None, (0.0, 0.0, 0.0, 0.0)
         if whole is not None:
             overview = png_bytes(draw_picture(solids, whole, times=config.supersample))

@@ -44,7 +44,7 @@ class Player {
   }
 
   #trayPoints() {
-    const places = (k, step) => (step.poses.length > 1 || step.depth > 0 ? [step.poses[0], this.timeline.restingPose(k)] : []);
+    const places = (k, step) => (step.turns ? [] : step.poses.length > 1 || step.depth > 0 ? [step.poses[0], this.timeline.restingPose(k)] : []);
     return this.plan.steps.flatMap((step, k) => places(k, step).flatMap((pose) => this.bodies.cornersOfStep(k, pose)));
   }
 

@@ -68,7 +68,8 @@ function describeStep(step) {
   return facts.join(" · ");
 }
 
-const PHASES = { hold: "", carry: " · carried over, a way that is not planned", transit: " · on its way from where it waits", insertion: " · going in" };
+const TURN = "Turn the product over";
+const PHASES = { hold: "", turn: " · turned over, a way that is not planned", carry: " · carried over, a way that is not planned", transit: " · on its way from where it waits", insertion: " · going in" };
 const KEYS = [
   ["Space", "play or pause"], ["← →", "previous, next step"], ["Home, End", "first, last"], ["/", "find a part by its name"],
   ["F", "show everything"], ["Shift + ← → ↑ ↓", "turn the view"], ["+ −", "nearer, farther"], ["C", "follow each step"],
@@ -151,8 +152,9 @@ class Panel {
 
   /** "5", or "5, and 3 inside subassemblies". */
   #count(steps) {
-    const inside = steps.filter((step) => step.depth > 0).length;
-    return String(steps.length - inside) + (inside ? ` + ${inside} inside` : "");
+    const own = steps.filter((step) => !step.turns);
+    const inside = own.filter((step) => step.depth > 0).length;
+    return String(own.length - inside) + (inside ? ` + ${inside} inside` : "");
   }
 
   #swatch(part) {
@@ -162,7 +164,7 @@ class Panel {
   }
 
   #stepRow(step, k) {
-    const name = step.product ?? this.plan.parts[step.part].name;
+    const name = step.turns ? TURN : step.product ?? this.plan.parts[step.part].name;
     const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
     const row = element("button", { type: "button", className: step.depth ? "row inside" : "row", title: name, onclick: () => this.player.showStep(k) },
       element("span", { className: "number", textContent: step.label }), this.#swatch(step.part),
@@ -175,11 +177,12 @@ class Panel {
 
   /** The parts of a subassembly, in words; nothing for a single part. */
   #members(step) {
-    if (step.moving.length < 2) return "";
+    if (step.turns || step.moving.length < 2) return "";
     return `subassembly of ${step.moving.length}: ${step.moving.map((part) => this.plan.parts[part]).map(({ name, solved }) => (solved ? name : `${name} (unsolved)`)).join(", ")}`;
   }
 
   #title(step) {
+    if (step.turns) return TURN;
     const others = step.moving.length - 1;
     if (step.product) return `${step.product}, ${others + 1} parts`;
     return this.plan.parts[step.part].name + (others > 0 ? ` and ${others} more` : "");
