@@ -8,6 +8,7 @@ are counted again with all held parts by linear programs, the greedy order among
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
