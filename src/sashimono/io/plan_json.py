@@ -373,6 +373,11 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
     )
 
 
+def _triple(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
 def _each(items: Sequence[Any], make: Callable[[Any], Any]) -> tuple[Any, ...]:
     return tuple(make(item) for item in items)
 
@@ -446,7 +451,7 @@ def _tool(tool: Mapping[str, Any] | None, *, access: bool) -> Tool | None:
                 low=float(piece["low"]),
                 high=float(piece["high"]),
                 radius=float(piece["radius"]),
-                toward=None if piece.get("toward") is None else tuple(map(float, piece["toward"])),
+                toward=None if piece.get("toward") is None else _triple(piece["toward"]),
                 angle=None if piece.get("angle") is None else float(piece["angle"]),
             ),
         ),
