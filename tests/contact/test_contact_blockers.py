@@ -69,6 +69,14 @@ def test_a_cube_in_a_well_is_grasped_once_a_pair_of_walls_or_the_floor_is_gone_a
     assert found.best(across | below).kind == "grasp"
 
 
+def test_with_nothing_around_every_contact_is_clear():
+    cube = box("cube", (0.02, 0.02, 0.02), (0.0, 0.0, 0.0))
+    found, *_ = blockers_of(Assembly(parts=(cube,)), straight_down(cube, (0.0, 0.0, 0.06)))
+    assert found.contacts
+    assert {entry.met for entry in found.contacts} == {0}
+    assert found.best(0).kind == "grasp"
+
+
 def test_without_a_middle_to_push_on_one_wall_beside_the_rim_must_go_or_the_floor():
     ring = box("ring", (0.02, 0.02, 0.02), (0.0, 0.0, 0.0), holes=[(0.012, 0.012, 0.04)])
     one_size = ContactConfig(tip_scales=(1.0,))

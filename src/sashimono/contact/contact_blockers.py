@@ -131,10 +131,10 @@ class ContactBlockers:
 
     def _met(self, points: np.ndarray, normals: np.ndarray, scale: float) -> list[int]:
         """Mask of what each contact's tips meet; points are (contact, tip, 3)."""
-        tips, count = self._grasps.tips(scale), points.shape[1]
+        tips, shape = self._grasps.tips(scale), (*points.shape[:2], len(self._weights))
         points, normals = np.ascontiguousarray(points.reshape(-1, 3)), normals.reshape(-1, 3)
         hits = self._passage.hits(points - tips.radius * normals, -tips.approach * normals, tips.radius)
-        rows = np.logical_or.reduce(hits.reshape(-1, count, len(self._weights)), axis=1)
+        rows = np.logical_or.reduce(hits.reshape(shape), axis=1)
         return [sum(w for w, hit in zip(self._weights, row, strict=True) if hit) for row in rows]
 
 
