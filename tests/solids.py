@@ -138,9 +138,9 @@ def bayonet() -> Assembly:
 
 
 def keyhole() -> Assembly:
-    """A panel on a headed stud in a wall: it slides up until the head is before the wide hole, then comes off."""
-    stud = rod(0.004, 0.02, (0.0, 0.0, 0.01)) + rod(0.008, 0.004, (0.0, 0.0, 0.0173))
-    wall = box((0.06, 0.1, 0.01), (0.0, 0.0, -0.005)) + stud
-    slot = rod(0.0045, 0.03) + box((0.009, 0.03, 0.03), (0.0, -0.015, 0.0)) + rod(0.009, 0.03, (0.0, -0.03, 0.0))
+    """A panel on a headed stud in a wall: it slides up to a ledge, its wide hole before the head, then comes off."""
+    stud = rod(0.004, 0.03, (0.0, 0.0, 0.005)) + rod(0.008, 0.004, (0.0, 0.0, 0.0173))
+    wall = box((0.06, 0.14, 0.01), (0.0, 0.02, -0.005)) + box((0.06, 0.01, 0.03), (0.0, 0.0803, 0.005)) + stud
+    slot = rod(0.0045, 0.04) + box((0.009, 0.03, 0.04), (0.0, -0.015, 0.0)) + rod(0.009, 0.04, (0.0, -0.03, 0.0))
     panel = box((0.05, 0.09, 0.015), (0.0, 0.0, 0.0076)) - slot
     return assembly(wall=wall, panel=panel)
