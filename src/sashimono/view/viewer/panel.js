@@ -189,7 +189,9 @@ class Panel {
   }
 
   #titleNodes(step) {
+    if (step.turns) return [TURN];
     const others = step.moving.length - 1;
+    if (step.product) return [nameElement(step.product), `, ${others + 1} parts`];
     return [nameElement(this.plan.parts[step.part].name), ...(others > 0 ? [` and ${others} more`] : [])];
   }
 
