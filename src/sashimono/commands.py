@@ -194,8 +194,15 @@ def read_constraints(
         if not all(names):
             raise SashimonoError(f"--together {text}: not A,B. Give names, or patterns, with commas between.")
         groups.append(names)
-    own = Wishes(base=base, up=direction, before=tuple(pairs), together=tuple(groups), exclude=tuple(exclude))
-    own = own.and_then(Wishes(keep=tuple(keep), flat=flat))
+    own = Wishes(
+        base=base,
+        up=direction,
+        before=tuple(pairs),
+        together=tuple(groups),
+        exclude=tuple(exclude),
+        keep=tuple(keep),
+        flat=flat,
+    )
     wishes = own if file is None else read_wishes(file).and_then(own)
     if wishes.flat and wishes.keep:
         raise SashimonoError(f"--keep {wishes.keep[0]} and --flat contradict one another. Take one of them away.")

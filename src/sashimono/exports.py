@@ -125,10 +125,7 @@ def write_scene(path: Path, out: Path, *, source: Path | None = None) -> tuple[P
 
     Raises SashimonoError for what cannot be read or written.
     """
-    plan, assembly = read_plan_and_input(path, source)
-    with replacing_together(out) as folder:
-        names = write_mjcf(plan, assembly, folder)
-    return tuple(out / name for name in names)
+    return _write_folder(write_mjcf, path, out, source)
 
 
 def write_task(path: Path, out: Path, *, source: Path | None = None) -> tuple[Path, ...]:
@@ -141,9 +138,16 @@ def write_task(path: Path, out: Path, *, source: Path | None = None) -> tuple[Pa
 
     Raises SashimonoError for what cannot be read or written.
     """
+    return _write_folder(write_mtc, path, out, source)
+
+
+def _write_folder(
+    write: Callable[[AssemblyPlan, Assembly, Path], Sequence[str]], path: Path, out: Path, source: Path | None
+) -> tuple[Path, ...]:
+    """Write a plan's files into a folder, all or none, and return them."""
     plan, assembly = read_plan_and_input(path, source)
     with replacing_together(out) as folder:
-        names = write_mtc(plan, assembly, folder)
+        names = write(plan, assembly, folder)
     return tuple(out / name for name in names)
 
 

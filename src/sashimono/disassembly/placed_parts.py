@@ -127,7 +127,8 @@ class PlacedParts:
         for piece in (placed[0] ^ placed[1]).decompose():
             mesh = piece.to_mesh64()
             vertices = np.array(mesh.vert_properties)[:, :3]
-            reach = max(limits.excuse_reach * float(np.linalg.norm(np.ptp(vertices, axis=0))), near, 1.8 * depth)
+            size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+            reach = max(limits.excuse_reach * max(size, 2.0 * depth), near)
             field = SignedDistance(vertices, np.array(mesh.tri_verts).astype(np.int64))
             out.append(OverlapPlace(field=field, reach=reach))
         return tuple(out)

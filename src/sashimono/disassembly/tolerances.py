@@ -37,7 +37,7 @@ class Tolerances:
     shallow_wall: float = 0.36
     """The same, over the thickness of either part's thin walls: both hold."""
     excuse_reach: float = 0.9
-    """How far from a piece of a deep overlap it is an excuse, over how large the piece is."""
+    """How far from a piece of a deep overlap it is an excuse, over how large the piece is, or twice its depth."""
     least_step: float = 1.0 / 64.0
     """Shortest step of tracing along a wall that the part slides on, over the smaller part's smallest extent."""
 

@@ -287,7 +287,7 @@ def sweep(
     found = search.run([whole], aside=helices)
     if not found.holds or not search.aside:
         return found
-    threads = _follow(helices, search.aside, tree, target, path, limit, resolution, max_queries - found.queries)
+    threads = search.follow(helices, resolution, max_queries=max_queries - found.queries)
     if not threads.holds and not threads.exhausted:
         # no sample itself was so deep: without a helix that stands for several, it may hold
         threads = search.run(search.aside, queries=found.queries + threads.queries)
@@ -301,61 +301,7 @@ def sweep(
     )
 
 
-def _follow(
-    helices: Helices,
-    aside: list[_Items],
-    tree: BallTree,
-    target: Target,
-    path: Screws,
-    limit: float,
-    resolution: float,
-    max_queries: int,
-) -> Sweep:
-    """Sweep the helices that the samples set aside follow, each once."""
-    cell = _CELL * limit
-    queries, depth = 0, -np.inf
-    for run in range(len(helices.pitch)):
-        own = [items.take(np.flatnonzero(helices.run[items.stretch] == run)) for items in aside]
-        items = _Items(**{name: np.concatenate([getattr(each, name) for each in own]) for name in vars(own[0])})
-        if not len(items.node):
-            continue
-        points, _ = path.locate_balls(tree, items)
-        helix, middle = helices.invariants(run, points)
-        reach = np.abs(helices.turn[items.stretch]) * items.half
-        helix, low, high = laid_together(helix, middle - reach, middle + reach, cell)
-        starts = helices.points(run, helix, low)
-        axis = helices.T_axis_target[run][2, :3]
-        turn = high - low
-        # one stretch for each helix, as a path of its own
-        screws = Screws(
-            before=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
-            after=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
-            axis=np.tile(axis, (len(turn), 1)),
-            point=np.tile(se3.inverse(helices.T_axis_target[run])[:3, 3], (len(turn), 1)),
-            angle=turn,
-            shift=(helices.pitch[run] * turn)[:, None] * axis,
-        )
-        count = np.arange(len(turn))
-        leaves = BallTree(
-            centers=starts,
-            radii=np.zeros(len(turn)),
-            first_child=np.full(len(turn), -1),
-            child_count=np.zeros(len(turn), np.int64),
-            between=np.zeros(len(turn), bool),
-            root=0,
-        )
-        half = np.full(len(turn), 0.5)
-        search = _Search(
-            leaves, target, screws, limit - cell / np.sqrt(2.0), (resolution, resolution), max_queries - queries, None
-        )
-        found = search.run([_Items(node=count, stretch=count, u=half, half=half)])
-        queries, depth = queries + found.queries, max(depth, found.depth)
-        if not found.holds:
-            return replace(found, queries=queries, depth=depth)
-    return Sweep(holds=True, exhausted=False, depth=depth, at=0.0, queries=queries, near=np.empty(0))
-
-
-@dataclass(kw_only=False, eq=False)
+@dataclass(eq=False)
 class _Search:
     """Branch and bound over the balls of a tree and the stretches of a path."""
 
@@ -401,6 +347,49 @@ class _Search:
         else:
             return Sweep(holds=True, exhausted=False, depth=depth, at=at, queries=queries, near=_sorted(near))
         return Sweep(holds=False, exhausted=beyond <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
+
+    def follow(self, helices: Helices, resolution: float, *, max_queries: int) -> Sweep:
+        """Sweep the helices that the samples set aside follow, each once."""
+        cell = _CELL * self.limit
+        queries, depth = 0, -np.inf
+        for run in range(len(helices.pitch)):
+            own = [items.take(np.flatnonzero(helices.run[items.stretch] == run)) for items in self.aside]
+            items = _Items(**{name: np.concatenate([getattr(each, name) for each in own]) for name in vars(own[0])})
+            if not len(items.node):
+                continue
+            points, _ = self.path.locate_balls(self.tree, items)
+            helix, middle = helices.invariants(run, points)
+            reach = np.abs(helices.turn[items.stretch]) * items.half
+            helix, low, high = laid_together(helix, middle - reach, middle + reach, cell)
+            starts = helices.points(run, helix, low)
+            axis = helices.T_axis_target[run][2, :3]
+            turn = high - low
+            # one stretch for each helix, as a path of its own
+            screws = Screws(
+                before=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
+                after=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
+                axis=np.tile(axis, (len(turn), 1)),
+                point=np.tile(se3.inverse(helices.T_axis_target[run])[:3, 3], (len(turn), 1)),
+                angle=turn,
+                shift=(helices.pitch[run] * turn)[:, None] * axis,
+            )
+            count = np.arange(len(turn))
+            leaves = BallTree(
+                centers=starts,
+                radii=np.zeros(len(turn)),
+                first_child=np.full(len(turn), -1),
+                child_count=np.zeros(len(turn), np.int64),
+                between=np.zeros(len(turn), bool),
+                root=0,
+            )
+            half = np.full(len(turn), 0.5)
+            limit, left = self.limit - cell / np.sqrt(2.0), max_queries - queries
+            search = _Search(leaves, self.target, screws, limit, (resolution, resolution), left, None)
+            found = search.run([_Items(node=count, stretch=count, u=half, half=half)])
+            queries, depth = queries + found.queries, max(depth, found.depth)
+            if not found.holds:
+                return replace(found, queries=queries, depth=depth)
+        return Sweep(holds=True, exhausted=False, depth=depth, at=0.0, queries=queries, near=np.empty(0))
 
 
 def _sorted(times: list[np.ndarray]) -> np.ndarray:

@@ -92,31 +92,36 @@ def fit_helix(
     turning = -(np.cross(arms, normals) @ axis)
     v = _robust_fit(normals, turning, areas, radius, config)
     pitch = float(v @ axis)
-    if abs(pitch) < config.least_pitch * radius:
-        weights = (areas * along)[flank]
-        return _by_step(Helix(axis=axis, point=middle, pitch=pitch, radius=radius), points[flank], weights, config)
-    helix = Helix(axis=axis, point=middle + np.cross(axis, v), pitch=pitch, radius=radius)
     weights = (areas * along)[flank]
+    if abs(pitch) < config.least_pitch * radius:
+        return _by_step(axis, radius, points[flank], weights, config)
+    helix = Helix(axis=axis, point=middle + np.cross(axis, v), pitch=pitch, radius=radius)
     if _coherence(helix, points[flank], weights) >= config.coherence:
         refined = _refined(helix, points[flank], weights, config)
-        return refined or _by_step(helix, points[flank], weights, config) or helix
+        return refined or _by_step(axis, radius, points[flank], weights, config) or helix
     fits = _carried(normals[flank], turning[flank], np.abs(weights), v, config.inlier * radius)
     turned = _carried(normals[flank], turning[flank], np.abs(weights), v - pitch * axis, config.inlier * radius)
     if fits >= config.least_fit and turned <= config.most_turned:
         return helix
-    return _by_step(Helix(axis=axis, point=middle, pitch=pitch, radius=radius), points[flank], weights, config)
+    return _by_step(axis, radius, points[flank], weights, config)
 
 
 def _by_step(
-    near: Helix, points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"], config: HelixConfig
+    axis: Float[np.ndarray, "3"],
+    radius: float,
+    points: Float[np.ndarray, "face 3"],
+    weights: Float[np.ndarray, "face"],
+    config: HelixConfig,
 ) -> Helix | None:
-    """The thread about the middle with which the faces keep in step best, of any pitch; None if they keep with none.
+    """The thread with which the faces keep in step best, of any pitch, about the middle of a circle through them.
+
+    None if they keep in step with none.
 
     Where facets are coarse (sixteen a turn), their normals err by more than the slope of the thread.
     """
-    near = replace(near, point=_circled(near.axis, points, np.abs(weights)))
-    turned, along = _cylindrical(near, points)
-    least, most = (near.radius * limit for limit in (config.least_pitch, config.most_pitch))
+    untwisted = Helix(axis=axis, point=_circled(axis, points, np.abs(weights)), pitch=0.0, radius=radius)
+    turned, along = _cylindrical(untwisted, points)
+    least, most = (radius * limit for limit in (config.least_pitch, config.most_pitch))
     # phases z / pitch are told apart by a quarter turn over the whole length
     count = int(np.ceil(2.0 / np.pi * float(np.ptp(along)) * (1.0 / least - 1.0 / most)))
     rates = np.linspace(1.0 / most, 1.0 / least, min(max(count, 2), config.most_pitches))
@@ -126,7 +131,7 @@ def _by_step(
     best = int(np.argmax(step))
     if step[best] < config.coherence:
         return None
-    found = replace(near, pitch=1.0 / float(rates[best]))
+    found = replace(untwisted, pitch=1.0 / float(rates[best]))
     return _refined(found, points, weights, config) or found
 
 
