@@ -23,6 +23,12 @@ class StabilityConfig:
     fastened: float = 0.02
     """Depth above which a pair that overlaps as assembled counts as fastened, over the smaller part's smallest
     extent: a thread drawn as plain cylinders, an interference fit. Less is what facets of round fits overlap."""
+    close_fits: bool = True
+    """Whether a part that is all around another's shank, drawn without clearance, counts as joined to it."""
+    fit_gap: float = 0.001
+    """Clearance that counts as none there, over the smaller one's smallest extent."""
+    fit_length: float = 0.5
+    """Least length of such a fit, over its diameter."""
     steep: float = 0.5
     """Walls whose normal is this near to level (sine of its angle to the level) carry no weight by friction: nothing
     shows that they squeeze the part."""

@@ -66,6 +66,8 @@ class VerifyConfig:
     """Walls whose normal is this near to level (sine of the angle) carry no weight by friction, unless clamped."""
     hold_fastened: float = 0.016
     """Depth above which a pair that overlaps as assembled is fastened, over the smaller one's smallest extent."""
+    hold_fit_gap: float = 0.0012
+    """Clearance of a close fit, over the smaller one's smallest extent."""
     hold_points: int = 40
     """Most touching points taken of each pair."""
     hold_tolerance: float = 0.02

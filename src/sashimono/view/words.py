@@ -72,6 +72,7 @@ class Words:
     """Where a tool has no room."""
     no_contact: str
     declared: str
+    fitted: str
     unsolved: str
     unsolved_part: str
     partial: str
@@ -131,6 +132,7 @@ ENGLISH = Words(
     turn_chapter="Put together beside the product, this side up.",
     no_room="No room for the tool ({tool}) with these parts in place.",
     no_contact="The plan has no grasp here: place by hand.",
+    fitted="The drawing shows no clearance at {parts}: it is taken to stay where it is pushed.",
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
     unsolved="Parts without instructions",
     unsolved_part="{part}: no way in was found.",
@@ -193,6 +195,7 @@ GERMAN = Words(
     turn_chapter="Neben dem Produkt zusammenbauen, diese Seite oben.",
     no_room="Kein Platz für das Werkzeug ({tool}), solange diese Teile da sind.",
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
+    fitted="Die Zeichnung zeigt kein Spiel gegen {parts}: angenommen ist, dass es bleibt, wohin es geschoben wird.",
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
     unsolved="Teile ohne Anleitung",
     unsolved_part="{part}: kein Weg hinein gefunden.",
@@ -258,6 +261,7 @@ JAPANESE = Words(
     turn_chapter="製品の横で、この面を上にして組み立てます。",
     no_room="これらの部品があると工具（{tool}）が入りません。",
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",
+    fitted="図面では{parts}との間にすき間がありません。押し込んだ位置にとどまるものとします。",
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
     unsolved="手順のない部品",
     unsolved_part="{part}：組み込む経路が見つかりませんでした。",

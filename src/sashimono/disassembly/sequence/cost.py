@@ -76,7 +76,8 @@ class OrderCostConfig:
     apart: float = 1.0
     """For each part that touches none of those placed before it."""
     base: float = 2.0
-    """For a base that is small or has few neighbours: 1 less its bulk times its neighbours over the most of any."""
+    """For a base that is small or has few neighbours: 1 less the largest side of its box times its neighbours, over the
+    most of any."""
     unsteady: float = 6.0
     """For a base that is easily tipped: from 0, where it takes an angle of `steady`, to 1, where it takes none."""
     fixture: float = 3.0

@@ -35,7 +35,8 @@ class OrderScene:
         boxes = np.ptp(parts.boxes, axis=1)
         volumes = np.array([body.mass_properties.volume for body in parts.bodies])
         bulk = np.prod(boxes + 1e-9 * boxes.max(), axis=1) + volumes
-        scores = bulk * np.array([1 + mask.bit_count() for mask in self.neighbours])
+        footprints = np.prod(np.sort(boxes, axis=1)[:, 1:], axis=1)
+        scores = footprints * np.array([1 + mask.bit_count() for mask in self.neighbours])
         self._base_scores = scores / scores.max()
         self.bulk = bulk
         """By part: volume of its box and its own [m³]."""
@@ -103,7 +104,7 @@ class OrderScene:
         return parts
 
     def base_score(self, base: int) -> float:
-        """Return bulk times neighbours of a base (a mask of one part), over the most of any."""
+        """Return the largest side of a base's box times its neighbours (a mask of one part), over the most of any."""
         return float(self._base_scores[base.bit_length() - 1])
 
     def waiting(self, members: int, rest: int, gone: int) -> int:

@@ -20,7 +20,7 @@ class OrderSearchConfig:
     bases: int = 3
     """Parts that are looked at as bases. A fastener is none."""
     least_base: float = 0.1
-    """Bulk times neighbours that a base has at least, over the most of any part."""
+    """Largest side of its box, times neighbours, that a base has at least, over the most of any part."""
     expansions: int = 12_000
     """Parts asked for a way out; with many parts, the beam is narrower for it."""
     balances: int = 8_000

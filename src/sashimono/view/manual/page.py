@@ -299,6 +299,9 @@ class _Page:
                 break
         if step.declared is not None:
             said.append(_escape(words.declared))
+        if step.fits:
+            others = [*dict.fromkeys(fit.other for fit in step.fits)]
+            said.append(_escape(words.fitted.format(parts=names_words(others, words))))
         return said
 
     def _unsolved(self) -> str:
