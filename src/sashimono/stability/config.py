@@ -25,7 +25,7 @@ class StabilityConfig:
     extent: a thread drawn as plain cylinders, an interference fit. Less is what facets of round fits overlap."""
     close_fits: bool = True
     """Whether a part that is all around another's shank, drawn without clearance, counts as joined to it."""
-    fit_gap: float = 0.001
+    fit_gap: float = 0.002
     """Clearance that counts as none there, over the smaller one's smallest extent."""
     fit_length: float = 0.5
     """Least length of such a fit, over its diameter."""

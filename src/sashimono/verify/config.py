@@ -66,7 +66,7 @@ class VerifyConfig:
     """Walls whose normal is this near to level (sine of the angle) carry no weight by friction, unless clamped."""
     hold_fastened: float = 0.016
     """Depth above which a pair that overlaps as assembled is fastened, over the smaller one's smallest extent."""
-    hold_fit_gap: float = 0.0012
+    hold_fit_gap: float = 0.0024
     """Clearance of a close fit, over the smaller one's smallest extent."""
     hold_points: int = 40
     """Most touching points taken of each pair."""

@@ -13,8 +13,9 @@ class OrderSearchConfig:
     """Whether orders are searched; else the greedy one is taken."""
     width: int = 6
     """Orders that grow side by side."""
-    starts: int = 3
-    """Bases with a table that orders are grown for."""
+    starts: int = 4
+    """Bases with a table that orders are grown for. A base that some part cannot leave is given up, and does not count.
+    """
     same_table: float = 0.6
     """Cosine between two up directions above which only the cheaper of them is looked at closely for a base."""
     bases: int = 3
@@ -35,7 +36,7 @@ class OrderSearchConfig:
     turned_tables: int = 3
     """Tables that the product may be turned over to, for each order that it is tried with: first the opposite one. 0:
     it is never turned over. Nor is it where the user says which way is up, or inside subassemblies."""
-    traced: float = 1_500_000.0
+    traced: float = 6_000_000.0
     """Points of pairs of parts that are traced along straight lines."""
     mending: float = 1.0
     """Where ways of an order were refused: how much more it may cost with these replaced, all else kept. If that costs

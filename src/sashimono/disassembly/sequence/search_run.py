@@ -137,7 +137,7 @@ class SearchRun:
         return self._ways[key]
 
     def starts(self, top: bool) -> list[Candidate]:
-        """Return quick orders for bases and tables: those that cost least."""
+        """Return quick orders for bases and tables, those that cost least first."""
         found: list[Candidate] = []
         bases = self._bases(top)
         most = max(1, 2 * self._config.expansions // (len(self._units) ** 2 * len(bases)))
@@ -151,7 +151,7 @@ class SearchRun:
                 other.base == order.base and float(other.up @ order.up) > self._config.same_table for other in chosen
             ):
                 chosen.append(order)
-        return chosen[: self._config.starts]
+        return chosen
 
     def expected(self, order: Candidate) -> dict[int, float]:
         """Return, by unit, what it cost in this order to bring it as it was brought there, whatever came around it.
