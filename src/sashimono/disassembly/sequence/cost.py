@@ -75,7 +75,7 @@ class OrderCostConfig:
     size."""
     apart: float = 1.0
     """For each part that touches none of those placed before it."""
-    base: float = 2.0
+    base: float = 4.0
     """For a base that is small or has few neighbours: 1 less the largest side of its box times its neighbours, over the
     most of any."""
     unsteady: float = 6.0

@@ -14,6 +14,7 @@ from sashimono.fasteners.precedence import precedence
 from sashimono.fasteners.recognise import Fastener
 from sashimono.fasteners.tools import ToolWay, tool_ways
 from sashimono.geometry.features.directions import part_directions
+from sashimono.geometry.mesh.measures import inertia_extents
 
 
 class OrderScene:
@@ -35,7 +36,8 @@ class OrderScene:
         boxes = np.ptp(parts.boxes, axis=1)
         volumes = np.array([body.mass_properties.volume for body in parts.bodies])
         bulk = np.prod(boxes + 1e-9 * boxes.max(), axis=1) + volumes
-        footprints = np.prod(np.sort(boxes, axis=1)[:, 1:], axis=1)
+        extents = np.array([inertia_extents(body.vertices, body.faces) for body in parts.bodies])
+        footprints = np.prod(np.sort(extents, axis=1)[:, 1:], axis=1)
         scores = footprints * np.array([1 + mask.bit_count() for mask in self.neighbours])
         self._base_scores = scores / scores.max()
         self.bulk = bulk
