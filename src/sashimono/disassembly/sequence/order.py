@@ -117,7 +117,7 @@ class Orderer:
     def model(self) -> CostModel:
         """The cost."""
         up = np.array(self._config.up) / np.linalg.norm(self._config.up)
-        scene = OrderScene(self._cascade, self.fasteners, up=up)
+        scene = OrderScene(self._cascade, self.fasteners, up=up, fits=self.fits)
         wishes = resolve(self._config.constraints, self._cascade.assembly.names)
         return CostModel(scene=scene, touching=self.touching, config=self._config.cost, together=wishes.together)
 
