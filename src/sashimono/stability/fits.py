@@ -20,6 +20,8 @@ _RADIAL = 0.85
 """Least cosine between such a normal and the line from the axis: the flats of a hexagon have 0.87 at their edges."""
 _ROUND = 0.8
 """Least share of the walls that are so."""
+_ALIKE = 0.02
+"""Normals that differ by less belong to one wall."""
 _OPEN = 1.8
 """Widest angle about the axis without a wall [rad]; that of a square shank is a right angle."""
 
@@ -71,9 +73,17 @@ def _about(
     flat = np.stack([x, np.cross(axis, x)])
     seen, facing = points[wall] @ flat.T, normals[wall] @ flat.T
     facing /= np.linalg.norm(facing, axis=1, keepdims=True)
-    # the centre is on the line along each wall's normal: least squares
-    across = np.stack([-facing[:, 1], facing[:, 0]], axis=1)
-    center, _, rank, _ = np.linalg.lstsq(across, (across * seen).sum(axis=1), rcond=1e-6)
+    # the centre is on the line along the normal of each wall from its middle: least squares
+    kinds, owner = np.unique(np.round(facing / _ALIKE), axis=0, return_inverse=True)
+    across = np.empty((len(kinds), 2))
+    middle = np.empty(len(kinds))
+    for k in range(len(kinds)):
+        mine = owner.reshape(-1) == k
+        x, y = facing[mine].mean(axis=0)
+        across[k] = -y, x
+        along = seen[mine] @ across[k]
+        middle[k] = 0.5 * (along.min() + along.max())
+    center, _, rank, _ = np.linalg.lstsq(across, middle, rcond=1e-6)
     if rank < 2:
         return None
     spokes = seen - center
