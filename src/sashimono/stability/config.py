@@ -32,6 +32,9 @@ class StabilityConfig:
     steep: float = 0.5
     """Walls whose normal is this near to level (sine of its angle to the level) carry no weight by friction: nothing
     shows that they squeeze the part."""
+    upright: float = 0.02
+    """Walls whose normal is this near to level (sine of its angle) count as upright: real tapers are steeper, the
+    rounding of corners is less."""
     opposing: float = 0.9
     """Least cosine between one normal and another, reversed, at which two fastened parts clamp what is between."""
     least_weight: float = 1e-4

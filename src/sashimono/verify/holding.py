@@ -177,6 +177,11 @@ class PlacedParts:
     def _forces(self, contact: _Contact, up: np.ndarray, clamped: bool) -> tuple[np.ndarray, np.ndarray]:
         """Points and edges of the friction cones about the normals, some of them level; on steep walls, only those."""
         points, normals = contact
+        lean = normals @ up
+        # what leans no more than corners are rounded by is no wedge
+        level = normals - np.outer(lean, up)
+        level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 0.5)
+        normals = np.where((np.abs(lean) < self._config.hold_upright)[:, None], level, normals)
         across = np.cross(normals, up)
         flat = np.linalg.norm(across, axis=1) < 1e-6
         across[flat] = np.cross(normals[flat], np.eye(3)[int(np.abs(up).argmin())])
@@ -185,10 +190,10 @@ class PlacedParts:
         angles = 2.0 * np.pi * np.arange(self._config.hold_edges) / self._config.hold_edges
         wall = (np.abs(normals @ up) < self._config.hold_steep) & (not clamped)
         around = [np.cos(angle) * across + np.sin(angle) * steepest for angle in angles]
-        level = [np.sign(np.cos(angle)) * across for angle in angles]
+        sidewards = [np.sign(np.cos(angle)) * across for angle in angles]
         forces = [
             normals + self._config.hold_friction * np.where(wall[:, None], sideways, full)
-            for full, sideways in zip(around, level, strict=True)
+            for full, sideways in zip(around, sidewards, strict=True)
         ]
         return np.tile(points, (len(forces), 1)), np.concatenate(forces)
 
