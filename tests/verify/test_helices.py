@@ -8,7 +8,6 @@ from manifold3d import Manifold
 from solids import LEAD, bolt, rod
 
 from sashimono.geometry import se3
-from sashimono.verify import sweep as sweeping
 from sashimono.verify.body import SampledBody
 from sashimono.verify.helices import find_helices, laid_together
 from sashimono.verify.sweep import Screws, Sweep, sweep
@@ -107,4 +106,3 @@ def test_stretches_are_joined_only_where_they_meet() -> None:
     assert np.abs(found - np.array([[1.0, 0.5], [1.0, 0.5], [3.0, 0.5]])).max() <= 0.125
     np.testing.assert_array_equal(first, [0.0, 5.0, 0.2])
     np.testing.assert_allclose(last, [2.0, 6.0, 0.3])
-    assert sweeping.laid_together is laid_together
