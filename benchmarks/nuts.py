@@ -166,7 +166,8 @@ def draw(rng: np.random.Generator, rng_kind: np.random.Generator) -> tuple[dict[
     head = hexagon(1.6 * diameter, 0.65 * diameter).translate((0.0, 0.0, -0.65 * diameter))
     # a nut of a tapered thread is as wide as the bolt where it sits
     wider = clearance * diameter / 2.0 - options["taper"] * (at - pitch)
-    hole = thread(diameter, pitch, hand, facets, height + 2.0 * pitch, wider, **options, gap=clearance * diameter / 2.0)
+    gap = min(clearance * diameter / 2.0, 0.1 * pitch)
+    hole = thread(diameter, pitch, hand, facets, height + 2.0 * pitch, wider, **options, gap=gap)
     # where it stands along the bolt and how it is turned belong together; the phase is what CAD gets wrong
     hole = hole.translate((0.0, 0.0, -pitch)).rotate((0.0, 0.0, hand * 360.0 * (at - pitch) / lead + phase))
     nut = (hexagon(1.7 * diameter, height) - hole).translate((0.0, 0.0, at))
@@ -262,6 +263,8 @@ def thread(
     depth = 0.5 * pitch if square else 5.0 / 8.0 * 0.866 * pitch
     outer = diameter / 2.0 + wider
     inner, sunk = outer - depth, 0.05 * depth
+    if starts > 1:  # corners of one ridge are over facets of the core
+        sunk += inner * (1.0 - np.cos(np.pi / facets))
     foot, crest = (0.25 * pitch + gap,) * 2 if square else ((3.0 / 8.0 + 0.01) * pitch, pitch / 16.0)
     # radius and height of the ridge's corners; it is sunk a little into the core
     profile = np.array([[inner - sunk, -foot], [outer, -crest], [outer, crest], [inner - sunk, foot]])

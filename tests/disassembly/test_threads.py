@@ -49,7 +49,8 @@ def test_a_bolt_leaves_by_its_own_screw_whatever_the_phase_it_is_drawn_in(cleara
     there = PlacedParts(parts, make_bodies(parts), config=PlacedPartsConfig())
     index = parts.index("bolt")
     others = bits(there.all_parts & ~(1 << index))
-    removal, _ = search_unscrew(Threads(there, config=UnscrewConfig()), index, others, max_traced=40_000_000)
+    threads = Threads(there, config=UnscrewConfig())
+    removal = search_unscrew(threads, index, others, max_traced=40_000_000).removal
     assert removal is not None
     paths = Paths(there, index, [1 - index], tolerance=0.015)
     assert paths.check(removal.displacements)

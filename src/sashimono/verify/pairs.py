@@ -156,9 +156,11 @@ class _Pair:
 
     def sweep(self, excuse: Excuse | None, path: Screws) -> Sweep:
         """Sweep the moving body's samples against the fixed one, then the fixed one's against the moving one."""
-        config, tolerance = self._config, self._tolerance
+        config, tolerance, limit = self._config, self._tolerance, self._tolerance
+        if excuse is not None and not excuse.places:  # as much everywhere
+            excuse, limit = None, tolerance + excuse.depth
         options = {
-            "limit": tolerance,
+            "limit": limit,
             "resolution": config.relative_resolution * tolerance,
             "coarse": 0.25 * min(self._moving.wall, self._fixed.wall),
         }

@@ -36,6 +36,8 @@ class UnscrewConfig:
     """Turn of one stretch [rad]; geodesics need less than π."""
     same_axis: float = 1e-3
     """Axes that are nearer, over their radius, are one."""
+    same_way: float = 0.9999
+    """Cosine from which on a thread leads along a direction."""
     max_turns: float = 120.0
     """Turns followed along one screw."""
     offsets: int = 16
@@ -124,35 +126,99 @@ class Threads:
         return inside[:: 1 + len(inside) // self.config.max_faces]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unscrewed:
+    """What came of turning a part out of its threads."""
+
+    removal: Removal | None
+    traced: int
+    """Tracing steps (`Paths.traced`) that it took."""
+    is_cut: bool = False
+    """Whether they were spent before every thread was followed."""
+    stopped: tuple[Stopped, ...] = ()
+    """Each way along each thread that was followed and leads nowhere, as far as it goes."""
+
+    @property
+    def is_held(self) -> bool:
+        """Whether a thread holds the part: it follows it for a turn, and the thread itself ends it, not a third part.
+
+        As long as threads are engaged there is no other motion.
+        """
+        return any(
+            max(way.turns for way in ways) >= 1.0 and all(way.at_end or way.turns < 1.0 for way in ways)
+            for ways in self._by_other.values()
+        )
+
+    @property
+    def _by_other(self) -> dict[int, list[Stopped]]:
+        out: dict[int, list[Stopped]] = {}
+        for way in self.stopped:
+            out.setdefault(way.other, []).append(way)
+        return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopped:
+    """How far a part gets along a thread that does not let it out."""
+
+    other: int
+    """The part that the thread is shared with."""
+    pitch: float
+    """Shift in one turn [m]."""
+    turns: float
+    at_end: bool
+    """Whether it is the other part that stops it, or that is in the way straight out from there."""
+
+
 def search_unscrew(
-    threads: Threads, part: int, others: Sequence[int], *, max_traced: int
-) -> tuple[Removal | None, int]:
-    """Return a removal of the part past the others along the screw of a thread that it shares with one, else None,
-    and the tracing steps (`Paths.traced`) that it took; looked at before each screw is followed."""
+    threads: Threads,
+    part: int,
+    others: Sequence[int],
+    *,
+    max_traced: int,
+    among: Sequence[int] | None = None,
+    direction: Float[np.ndarray, "3"] | None = None,
+) -> Unscrewed:
+    """Return a removal of the part along the screw of a thread that it shares with one of the others, if there is one.
+
+    Args:
+        threads: Of the assembly.
+        part: What moves.
+        others: Those in which it may be threaded.
+        max_traced: Tracing steps allowed; looked at before each screw is followed.
+        among: Those past which it moves; the others if None.
+        direction: The way out, unit; any if None.
+    """
     parts, config = threads.parts, threads.config
     limits = parts.tolerances
-    drawn = Paths(parts, part, others, tolerance=limits.turning)
-    spent = 0
+    among = others if among is None else among
+    drawn = Paths(parts, part, among, tolerance=limits.turning)
+    spent, stopped = 0, []
     for other in drawn.near(np.eye(4)):
-        thread = threads.between(part, other)
+        thread = threads.between(part, other) if other in others else None
         if thread is None:
             continue
         # once its ridges are clear of the other's, no overlap as assembled lets them through one another; facets do
         # touch, while out of the last turn there is no need to
-        clear = Paths(parts, part, others, tolerance=limits.turning, parted={other: limits.translation})
-        out = Paths(parts, part, others, tolerance=limits.turning, parted={other: limits.turning})
+        clear = Paths(parts, part, among, tolerance=limits.turning, parted={other: limits.translation})
+        out = Paths(parts, part, among, tolerance=limits.turning, parted={other: limits.turning})
         for helix in thread.screws:
             for sign in (1.0, -1.0):
+                if direction is not None and float(sign * helix.axis @ direction) < config.same_way:
+                    continue
+                ends = []
                 for start in _starts(drawn, other, thread, helix, sign, config):
                     traced = spent + drawn.traced + clear.traced + out.traced
                     if traced >= max_traced:
-                        return None, traced
-                    paths = (drawn, drawn) if len(start) == 1 else (clear, out)
-                    removal = _follow(*paths, helix, sign, start, config)
-                    if removal is not None:
-                        return removal, spent + drawn.traced + clear.traced + out.traced
+                        return Unscrewed(removal=None, traced=traced, is_cut=True)
+                    found = _follow(drawn if len(start) == 1 else clear, out, helix, sign, start, config)
+                    if isinstance(found, Removal):
+                        return Unscrewed(removal=found, traced=spent + drawn.traced + clear.traced + out.traced)
+                    ends.append(found)
+                turns, stopper = max(ends, key=lambda end: end[0])
+                stopped.append(Stopped(other=other, pitch=helix.lead, turns=turns, at_end=stopper == other))
         spent += clear.traced + out.traced
-    return None, spent + drawn.traced
+    return Unscrewed(removal=None, traced=spent + drawn.traced, stopped=tuple(stopped))
 
 
 def _starts(
@@ -177,12 +243,15 @@ def _starts(
         return depth <= parts.tolerances.translation * scale
 
     ahead = behind = float(np.mod(sign * thread.offset, spacing))
-    if not is_clear(ahead) and overlaps:
+    found = is_clear(ahead)
+    if not found and overlaps:
         shifts = np.arange(1, config.offsets) * (spacing / config.offsets)
         clear = np.flatnonzero([is_clear(float(shift)) for shift in shifts])
         runs = np.split(clear, np.flatnonzero(np.diff(clear) > 1) + 1)
-        ahead, behind = (float(shifts[run[len(run) // 2]]) if len(run) else np.nan for run in (runs[0], runs[-1]))
-    if is_clear(ahead):
+        found = len(clear) > 0
+        if found:
+            ahead, behind = (float(shifts[run[len(run) // 2]]) for run in (runs[0], runs[-1]))
+    if found:
         shifted = [np.eye(4), se3.make(None, sign * ahead * helix.axis)]
         angle = (spacing - behind) / abs(helix.pitch)
         twist = helix.twist(sign)
@@ -197,8 +266,8 @@ def _starts(
 
 def _follow(
     within: Paths, out: Paths, helix: Helix, sign: float, start: list[Float[np.ndarray, "4 4"]], config: UnscrewConfig
-) -> Removal | None:
-    """The removal along one screw from the last of the poses given; None if something stops it, or it ends nowhere.
+) -> Removal | tuple[float, int | None]:
+    """The removal along one screw from the last of the poses given; or how many turns it goes, and what stops it then.
 
     Once the threads have parted, a part that is turned farther can still leave: so where it can is found by bisection.
 
@@ -216,25 +285,31 @@ def _follow(
     turns = min(config.max_turns, np.ceil(way / helix.lead))
     count = int(np.ceil(turns * 2.0 * np.pi / config.leg))
     # one turn first: most that are stopped are stopped at once
-    reached = 0
+    reached, turned, stopper = 0, 0.0, None
     for stop in (min(count, int(np.ceil(2.0 * np.pi / config.leg))), count):
         if stop > reached:
             u, stopper = within.advance(se3.exp(reached * leg) @ start[-1], (stop - reached) * leg)
-            reached += int(np.floor(u * (stop - reached) + 1e-9))
+            turned = (reached + u * (stop - reached)) * config.leg / (2.0 * np.pi)
+            reached = int(np.floor(turned * 2.0 * np.pi / config.leg + 1e-9))
             if stopper is not None:
                 break
 
     def removal(legs: int) -> Removal | None:
         poses = [*start, *(se3.exp(k * leg) @ start[-1] for k in range(1, legs + 1))]
+        # an overlap as deep as assembled would let the ridges through one another: they are to part by turning
         end = out.exit(poses[-1], direction)
-        # an overlap as deep as assembled would let the ridges through one another: not once they have parted
-        if end is None or not out.parts_once(np.array([*poses, end])):
+        if end is None or not within.parts_once(np.array([*poses, end])):
             return None
         return Removal(displacements=np.array([*poses, end]), exit_direction=direction)
 
     found = removal(reached) if reached else None
+    if found is None:
+        if stopper is None:
+            at = se3.exp(reached * leg) @ start[-1]
+            stopper = out.advance(at, out.straight(at, direction))[1]
+        return turned, stopper
     low, high = 0, reached
-    while found is not None and high - low > 1:
+    while high - low > 1:
         middle = (low + high) // 2
         earlier = removal(middle)
         found, low, high = (found, middle, high) if earlier is None else (earlier, low, middle)

@@ -36,6 +36,8 @@ class HelixConfig:
     """Largest shift per radian that is looked for where normals do not tell it."""
     most_starts: int = 4
     """Threads have at most so many starts."""
+    as_good: float = 0.8
+    """Fewer starts are taken if they keep this share of the step that more of them keep."""
     steep: float = 0.9999
     """Where such flanks tell nothing, faces whose normal has up to this much along the axis are flanks: of a square
     thread. The ends of a part have more."""
@@ -45,9 +47,9 @@ class HelixConfig:
     """Of flanks that keep in step with a thread this much (see `_coherence`), the normals may err: facets of a fine
     thread do, by more than its slope. Ridges keep up to 0.9 of it, anything else seldom 0.2."""
     least_turns: float = 2.0
-    """Turns from which on the pitch is told by the step rather than by the normals."""
+    """Turns of ridges, side by side or not, from which on the pitch is told by the step rather than by the normals."""
     refined: float = 0.05
-    """Relative change of the pitch by which it is looked for then."""
+    """Relative change of the pitch by which it is looked for then; more, where there are few ridges."""
     rings: tuple[float, ...] = (0.02, 0.005, 0.002)
     """Widths of the rings about the axis, each about a better one, whose corners of flanks are taken for a circle."""
     ring_share: float = 0.25
@@ -182,16 +184,18 @@ def _by_slippage(side: _Faces, flanks: _Faces, config: HelixConfig) -> Helix | N
         return _by_step(flanks, radius, config)
     helix = Helix(axis=axis, point=middle + np.cross(axis, v), pitch=pitch, radius=radius)
     every = [replace(helix, starts=k + 1) for k in range(config.most_starts)]
-    helix = max(every, key=lambda each: _coherence(each, flanks))
-    if _coherence(helix, flanks) >= config.coherence:
+    coherences = np.array([_coherence(each, flanks) for each in every])
+    helix = every[_fewest(coherences, config)]
+    if coherences.max() >= config.coherence:
         refined = _refined(helix, flanks, config)
         return refined or _by_step(flanks, radius, config) or helix
+    stepped = _by_step(flanks, radius, config)
+    if stepped is not None:
+        return stepped
     weights, limit = np.abs(flanks.weights), config.inlier * radius
     fits = _carried(flanks.normals, turning(flanks), weights, v, limit)
     turned = _carried(flanks.normals, turning(flanks), weights, v - pitch * axis, limit)
-    if fits >= config.least_fit and turned <= config.most_turned:
-        return helix
-    return _by_step(flanks, radius, config)
+    return helix if fits >= config.least_fit and turned <= config.most_turned else None
 
 
 def _by_step(flanks: _Faces, radius: float, config: HelixConfig) -> Helix | None:
@@ -201,12 +205,12 @@ def _by_step(flanks: _Faces, radius: float, config: HelixConfig) -> Helix | None
 
     Where facets are coarse (sixteen a turn), their normals err by more than the slope of the thread.
     """
-    point = _circled(flanks.axis, flanks.points, np.abs(flanks.weights))
+    point, _ = _circled(flanks.axis, flanks.points, np.abs(flanks.weights))
     untwisted = Helix(axis=flanks.axis, point=point, pitch=0.0, radius=radius)
     turned, along = _cylindrical(untwisted, flanks.points)
     along = along - along.min()
     least, most = (radius * limit for limit in (config.least_pitch, config.most_pitch))
-    best, found = config.coherence, None
+    found, coherences = [], []
     for starts in range(1, config.most_starts + 1):
         # a quarter turn of phase tells two rates apart, and a cell is small beside the shortest wave
         cell = 0.3 * least / starts
@@ -218,38 +222,52 @@ def _by_step(flanks: _Faces, radius: float, config: HelixConfig) -> Helix | None
         rates = 2.0 * np.pi * np.fft.fftfreq(count, cell)
         step[(np.abs(rates) < starts / most) | (np.abs(rates) > starts / least)] = 0.0
         k = int(np.argmax(step))
-        if step[k] >= best:
-            best, found = float(step[k]), replace(untwisted, pitch=starts / float(rates[k]), starts=starts)
-    return None if found is None else _refined(found, flanks, config) or found
+        coherences.append(float(step[k]))
+        found.append(replace(untwisted, pitch=starts / float(rates[k]) if step[k] > 0.0 else most, starts=starts))
+    if max(coherences) < config.coherence:
+        return None
+    best = found[_fewest(np.array(coherences), config)]
+    return _refined(best, flanks, config) or best
+
+
+def _fewest(coherences: Float[np.ndarray, "starts"], config: HelixConfig) -> int:
+    """Which number of starts it is: the first that is as good as the best, as square ridges keep all odd ones."""
+    return int(np.argmax(coherences >= config.as_good * coherences.max()))
 
 
 def _center(helix: Helix, flanks: _Faces, config: HelixConfig) -> Float[np.ndarray, "3"]:
-    """A point of the axis of the circle on which most corners of the flanks lie; the helix's own if few lie on one."""
-    point = helix.point
+    """A point of the axis of the circle, or cone, on which most corners of the flanks lie; if few do, the helix's."""
     corners = flanks.corners.reshape(-1, 3)
+    point, slope = _circled(helix.axis, corners, np.ones(len(corners)))
     share = 0.0
     for width in config.rings:
-        reach = np.linalg.norm(np.cross(corners - point, helix.axis), axis=1)
+        along = (corners - point) @ helix.axis
+        reach = np.linalg.norm(np.cross(corners - point, helix.axis), axis=1) - slope * along
         order = np.argsort(reach)
         stops = np.searchsorted(reach[order], reach[order] + width * helix.radius, side="right")
         counts = stops - np.arange(len(order))
         first = int(np.argmax(counts))
         share = float(counts[first]) / len(order)
         ring = corners[order[first : stops[first]]]
-        point = _circled(helix.axis, ring, np.ones(len(ring)))
+        point, slope = _circled(helix.axis, ring, np.ones(len(ring)))
     return point if share >= config.ring_share else helix.point
 
 
 def _circled(
-    axis: Float[np.ndarray, "3"], points: Float[np.ndarray, "face 3"], weights: Float[np.ndarray, "face"]
-) -> Float[np.ndarray, "3"]:
-    """The point of an axis about which points lie on a circle, by linear least squares (Kåsa 1976)."""
+    axis: Float[np.ndarray, "3"], points: Float[np.ndarray, "point 3"], weights: Float[np.ndarray, "point"]
+) -> tuple[Float[np.ndarray, "3"], float]:
+    """The point of an axis about which points lie on a circle, or on a slim cone, and how the radius grows along it.
+
+    By linear least squares (Kåsa 1976), with the square of the radius linear along the axis.
+    """
     middle = weights @ points / weights.sum()
     plane = np.linalg.svd(axis[None])[2][1:]
-    flat = (points - middle) @ plane.T
-    rows = np.sqrt(weights)[:, None] * np.column_stack([2.0 * flat, np.ones(len(flat))])
-    center = np.linalg.lstsq(rows, np.sqrt(weights) * (flat**2).sum(axis=1), rcond=None)[0][:2]
-    return middle + center @ plane
+    arms = points - middle
+    flat = arms @ plane.T
+    rows = np.sqrt(weights)[:, None] * np.column_stack([2.0 * flat, np.ones(len(flat)), arms @ axis])
+    solved = np.linalg.lstsq(rows, np.sqrt(weights) * (flat**2).sum(axis=1), rcond=None)[0]
+    radius = np.sqrt(max(float(solved[2] + solved[:2] @ solved[:2]), 1e-300))
+    return middle + solved[:2] @ plane, float(solved[3]) / (2.0 * radius)
 
 
 def _in_step(
@@ -283,11 +301,13 @@ def _refined(helix: Helix, flanks: _Faces, config: HelixConfig) -> Helix | None:
 
     None where they keep in step better with one that is farther off.
     """
-    turns = float(np.ptp(_cylindrical(helix, flanks.points)[1])) / helix.lead
-    if turns < config.least_turns:
+    ridges = float(np.ptp(_cylindrical(helix, flanks.points)[1])) / helix.lead * helix.starts
+    if ridges < config.least_turns:
         return helix
-    count = int(np.ceil(16.0 * config.refined * turns * helix.starts))
-    pitches = helix.pitch * (1.0 + np.linspace(-config.refined, config.refined, 2 * count + 1))
+    # few ridges tell it only to a part of what one of them more would make
+    reach = max(config.refined, 0.5 / ridges)
+    count = int(np.ceil(16.0 * reach * ridges))
+    pitches = helix.pitch * (1.0 + np.linspace(-reach, reach, 2 * count + 1))
     step = np.abs(_in_step(helix, flanks, pitches, windowed=True))
     best = int(np.argmax(step))
     if best in (0, 2 * count):
