@@ -36,6 +36,10 @@ class HelixConfig:
     """Largest shift per radian that is looked for where normals do not tell it."""
     most_starts: int = 4
     """Threads have at most so many starts."""
+    per_turn: int = 16
+    """Least faces of flanks on one turn of a ridge."""
+    one_handed: float = 0.7
+    """Share of the step with a thread that may be kept with the same one of the other hand."""
     as_good: float = 0.8
     """Fewer starts are taken if they keep this share of the step that more of them keep."""
     steep: float = 0.9999
@@ -220,7 +224,11 @@ def _by_step(flanks: _Faces, radius: float, config: HelixConfig) -> Helix | None
         sums = np.bincount(index, waves.real, count) + 1j * np.bincount(index, waves.imag, count)
         step = np.abs(np.fft.ifft(sums)) * count / np.abs(flanks.weights).sum()
         rates = 2.0 * np.pi * np.fft.fftfreq(count, cell)
-        step[(np.abs(rates) < starts / most) | (np.abs(rates) > starts / least)] = 0.0
+        # few faces keep in step with any number of turns
+        fastest = min(starts / least, 2.0 * np.pi * len(index) / (config.per_turn * max(float(along.max()), least)))
+        step[(np.abs(rates) < starts / most) | (np.abs(rates) > fastest)] = 0.0
+        # what keeps in step with either hand is no thread
+        step[step * config.one_handed < np.roll(step[::-1], 1)] = 0.0
         k = int(np.argmax(step))
         coherences.append(float(step[k]))
         found.append(replace(untwisted, pitch=starts / float(rates[k]) if step[k] > 0.0 else most, starts=starts))
