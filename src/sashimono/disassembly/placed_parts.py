@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +24,8 @@ from sashimono.geometry.features.directions import (
     part_directions,
 )
 from sashimono.geometry.overlap import intersection_depth
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +82,7 @@ class PlacedParts:
         self.lines = merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions)
         """The world's axes, then the lines that all parts give."""
         self._places: dict[tuple[int, int], tuple[OverlapPlace, ...]] = {}
+        self._known: dict[tuple[object, ...], object] = {}
 
     def __len__(self) -> int:
         return len(self.bodies)
@@ -132,6 +136,12 @@ class PlacedParts:
             field = SignedDistance(vertices, np.array(mesh.tri_verts).astype(np.int64))
             out.append(OverlapPlace(field=field, reach=reach))
         return tuple(out)
+
+    def once(self, key: tuple[object, ...], make: Callable[[], T]) -> T:
+        """Return what ``make`` returns; worked out once for each key, which says all that it depends on."""
+        if key not in self._known:
+            self._known[key] = make()
+        return cast(T, self._known[key])
 
     def parts_ahead(
         self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], among: Sequence[int]

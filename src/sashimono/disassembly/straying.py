@@ -36,9 +36,7 @@ def first_astray(
     a, b = parts.bodies[part], parts.bodies[other]
     tolerance = parts.tolerances.translation * parts.scale(part, other)
     least = parts.tolerances.least_step * parts.smaller_size(part, other)
-    fields = _Joined(places)
-    # probes of the one that stays are near to the overlap, or far from it, once and for all
-    far = b.probes[fields.room(se3.apply(parts.poses[other], b.probes)) < 0.0]
+    fields, far = parts.once(("astray", part, other), lambda: _far_probes(parts, other, places))
     T_part_world = se3.inverse(D @ parts.poses[part])
     seen, back = se3.apply(T_part_world @ parts.poses[other], far), -adjoint(T_part_world, twist)
     # of points on one helix, as `Paths` has it
@@ -54,6 +52,14 @@ def first_astray(
     field = b.signed_distance.arrays
     moving = _first_astray(probes, frame, screw.angle, T_other_world, limits, stops, field, *fields.arrays)
     return min(first, float(moving))
+
+
+def _far_probes(
+    parts: PlacedParts, other: int, places: tuple[OverlapPlace, ...]
+) -> tuple[_Joined, Float[np.ndarray, "far 3"]]:
+    """The places of an overlap, and the probes of the part that stays that are far from them, once and for all."""
+    fields, probes = _Joined(places), parts.bodies[other].probes
+    return fields, probes[fields.room(se3.apply(parts.poses[other], probes)) < 0.0]
 
 
 class _Joined:
