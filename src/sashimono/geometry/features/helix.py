@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
+from scipy.fft import next_fast_len
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,16 +217,16 @@ def _by_step(flanks: _Faces, radius: float, config: HelixConfig) -> Helix | None
     least, most = (radius * limit for limit in (config.least_pitch, config.most_pitch))
     found, coherences = [], []
     for starts in range(1, config.most_starts + 1):
-        # a quarter turn of phase tells two rates apart, and a cell is small beside the shortest wave
-        cell = 0.3 * least / starts
+        # few faces keep in step with any number of turns
+        fastest = min(starts / least, 2.0 * np.pi * len(along) / (config.per_turn * max(float(along.max()), least)))
+        # a cell is small beside the shortest wave, and a quarter turn of phase tells two rates apart
+        cell = 0.3 / fastest
         waves = np.exp(-1j * starts * turned) * flanks.weights
         index = (along / cell).astype(np.int64)
-        count = 4 * (int(index.max()) + 1)
+        count = next_fast_len(4 * (int(index.max()) + 1))
         sums = np.bincount(index, waves.real, count) + 1j * np.bincount(index, waves.imag, count)
         step = np.abs(np.fft.ifft(sums)) * count / np.abs(flanks.weights).sum()
         rates = 2.0 * np.pi * np.fft.fftfreq(count, cell)
-        # few faces keep in step with any number of turns
-        fastest = min(starts / least, 2.0 * np.pi * len(index) / (config.per_turn * max(float(along.max()), least)))
         step[(np.abs(rates) < starts / most) | (np.abs(rates) > fastest)] = 0.0
         # what keeps in step with either hand is no thread
         step[step * config.one_handed < np.roll(step[::-1], 1)] = 0.0
