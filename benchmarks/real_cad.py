@@ -39,9 +39,21 @@ def main() -> None:
             print(f"{row['name']}: {row['status']}, exit {row['exit']}, {row['cpu_s']} s", file=sys.stderr, flush=True)
     summary = summarise(rows)
     write_json(options.json, {"machine": machine(), "summary": summary, "assemblies": rows})
-    print(table(("kind", "assemblies", "ended", "complete", "refuted", "median cpu s", "worst cpu s", "worst MB"),
-                ([kind, *values.values()] for kind, values in summary.items())))  # fmt: skip
+    head = (
+        "kind",
+        "assemblies",
+        "ended",
+        "complete",
+        "with fits",
+        "refuted",
+        "median cpu s",
+        "worst cpu s",
+        "worst MB",
+    )
+    print(table(head, ([kind, *values.values()] for kind, values in summary.items())))
     for row in rows:
+        for fit in row.get("fits", []):
+            print(f"- {row['name']}: fit declared, {' and '.join(fit['parts'])}, {fit['kind']}; {fit['reason']}")
         if row["status"] != "complete":
             print(f"- {row['name']} ({row['kind']}, {row['parts']} parts): {row['reason']}")
 
@@ -78,6 +90,7 @@ def measure(folder: Path, *, second: bool) -> dict:
         "grasps": sum(step["contact"] is not None for step in plan["steps"]),
         "subassemblies": sum("subassembly" in step for step in plan["steps"]),
         "timings": plan.get("timings"),
+        "fits": plan.get("fits", []),
         "reason": "; ".join(reasons(plan["unsolved"])),
     }
 
@@ -104,6 +117,7 @@ def summarise(rows: list[dict]) -> dict[str, dict]:
             "assemblies": len(group),
             "ended": sum(row["exit"] in (0, 3) for row in group),
             "complete": sum(row["status"] == "complete" for row in group),
+            "with_fits": sum(row["status"] == "complete" and bool(row.get("fits")) for row in group),
             "refuted": sum(bool(row["refuted"]) for row in group),
             "median_cpu_s": sorted(row["cpu_s"] for row in group)[len(group) // 2],
             "worst_cpu_s": max(row["cpu_s"] for row in group),

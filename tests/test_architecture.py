@@ -30,7 +30,7 @@ LEVELS = [
     {"stability", "fasteners"},
     {"examination"},
     {"disassembly"},
-    {"motion"},
+    {"fits", "motion"},
     {"contact"},
     {"tree", "bought"},
     {"verify", "view"},
@@ -71,6 +71,7 @@ ROOMS = {
         {"precedence", "bonds", "tools"},
         {"report"},
     ],
+    "fits": [{"config"}, {"shapes", "arms", "pressing"}, {"find"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
@@ -88,7 +89,7 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree", "bought"}
+ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "fits", "motion", "contact", "tree", "bought"}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

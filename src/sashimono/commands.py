@@ -42,6 +42,7 @@ def plan_and_write(
     resting: Path | None = None,
     wishes: Wishes | None = None,
     declare_threads: bool = False,
+    declare_fits: bool = True,
     hands: int = 2,
     explain_order: bool = False,
     stand_ins: bool = True,
@@ -64,6 +65,7 @@ def plan_and_write(
         resting: A file with the table and resting poses of parts; None to lay all out.
         wishes: Base, table, precedences and parts left out, as the user wants them; written beside the plan.
         declare_threads: Whether screws drawn without ridges are turned in.
+        declare_fits: Whether elastic parts may give on their way, where a plan is otherwise incomplete.
         hands: How many hands there are.
         explain_order: Whether each step says what else could have come, and why it did not.
         stand_ins: Whether parts that are not closed are planned by closed bodies that contain them; else refused.
@@ -78,6 +80,7 @@ def plan_and_write(
     from sashimono.disassembly.sequence.greedy import SequenceConfig
     from sashimono.disassembly.sequence.products import ProductConfig
     from sashimono.disassembly.threads.declared import DeclareConfig
+    from sashimono.fits.config import FitConfig
     from sashimono.io.constraints_file import Wishes
     from sashimono.io.kept import keep_together
     from sashimono.io.read import read_assembly
@@ -106,6 +109,7 @@ def plan_and_write(
             method=cast("Literal['cascade', 'physics', 'past']", method),
             algorithm1=Algorithm1Config(device=device),
             separate=replace(PipelineConfig().separate, declare=DeclareConfig(enabled=declare_threads)),
+            fits=FitConfig(enabled=declare_fits),
             gripper=tool,
             grippers=asked,
             contacts=contacts,

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, few_words
-from sashimono.plan import AssemblyPlan, DeclaredHelix, OrderCost, Step, Unsolved
+from sashimono.plan import AssemblyPlan, DeclaredHelix, OrderCost, Step, Unsolved, fit_words
 from sashimono.reporting import event, reporting
 
 MAX_OVERLAPS = 5
@@ -57,6 +57,7 @@ def _line_progress(stage: str, done: int, total: int) -> None:
 def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     """Return the plan in words: a line for the whole, one a step in assembly order, one for each unsolved part."""
     verdict = "complete and verified" if plan.status == "complete" else "partial"
+    verdict += f", {fit_words(len(plan.fits))}" if plan.fits else ""
     width = max((len(name) for name in (*plan.parts, *(entry.name for entry in plan.products))), default=0)
     return [
         f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
@@ -64,6 +65,7 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
         *([] if plan.cost is None else [_cost_line(plan.cost)]),
         *_step_lines(plan.steps, width, ""),
         *_unsolved_lines(plan, width),
+        *(f"fit declared: {' and '.join(fit.parts)}, {fit.kind}; {fit.reason}" for fit in plan.fits),
         *_product_lines(plan),
         *_overlap_lines(plan),
     ]

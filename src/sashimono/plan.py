@@ -379,6 +379,23 @@ class OrderCost:
     """What each counts."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class DeclaredFit:
+    """Two parts of which one has to give on the way: they may go deeper into each other than any others.
+
+    The CAD has both rigid. That one gives is an assumption, from its shape.
+    """
+
+    parts: tuple[str, str]
+    """The one that gives, and the one that it gives way to."""
+    kind: Literal["ring", "spring", "seal", "clip", "snap", "press"]
+    """An open ring (circlip, C-clip); a helical spring; an O-ring; a formed sheet; an arm with a lip; a press fit."""
+    depth: float
+    """How deep the two may go into each other, all in all, anywhere on the way [m]."""
+    reason: str
+    """In words, with what has to give."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RestingPoses:
     """Where parts wait, given from outside: a tray, a feeder, what a camera saw."""
@@ -414,6 +431,8 @@ class AssemblyPlan:
     no step that takes more than ``hands``. None where that was not looked at."""
     cost: OrderCost | None = None
     """What the order costs; None where that was not counted."""
+    fits: tuple[DeclaredFit, ...] = ()
+    """Pairs of which one has to give on the way, declared so."""
     overlaps: tuple[Overlap, ...] = ()
     identical: tuple[tuple[str, ...], ...] = ()
     notes: tuple[str, ...] = ()
@@ -446,6 +465,8 @@ class AssemblyPlan:
             f"motions {len(moving)}/{len(moving) + len(self.unsolved)}",
             f"contacts {sum(step.contact is not None for step in moving)}/{len(moving)}",
         ]
+        if self.fits:
+            words.append(fit_words(len(self.fits)))
         if blocked := sum(step.tool is not None and not step.tool.access for step in moving):
             words.append(f"tools without room {blocked}")
         if self.executable is not None:
@@ -477,6 +498,11 @@ def _contact_words(step: Step) -> str:
     if step.contact is None:
         return step.contact_reason or step.moved_by
     return f"{step.moved_by}, quality {step.contact.quality:.3f}" if step.contact.kind == "grasp" else step.moved_by
+
+
+def fit_words(count: int) -> str:
+    """Return how many fits are declared, in words."""
+    return f"{count} fit{'' if count == 1 else 's'} declared"
 
 
 def step_tables(steps: Sequence[Step], table: Table | None) -> tuple[Table | None, ...]:

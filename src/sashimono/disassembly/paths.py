@@ -104,7 +104,7 @@ class Paths:
         """
         parts = self.parts
         for other in self.others:
-            bare = parts.tolerances.translation * parts.scale(self.part, other)
+            bare = parts.bare(self.part, other)
             if parts.overlaps[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True

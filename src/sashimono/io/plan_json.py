@@ -19,6 +19,7 @@ from sashimono.plan import (
     Answer,
     AssemblyPlan,
     Contact,
+    DeclaredFit,
     DeclaredHelix,
     Fastening,
     Fixture,
@@ -110,6 +111,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         "order": plan.order,
         "steps": [_step_document(step) for step in plan.steps],
         "unsolved": [_unsolved_document(entry) for entry in plan.unsolved],
+        **({"fits": [_fit_document(fit) for fit in plan.fits]} if plan.fits else {}),
         "overlaps": [
             {"first": o.first, "second": o.second, "volume": o.volume, "fraction": o.fraction} for o in plan.overlaps
         ],
@@ -154,6 +156,10 @@ def _product_document(entry: PlannedProduct) -> dict[str, Any]:
     if entry.reason:
         out["reason"] = entry.reason
     return out
+
+
+def _fit_document(fit: DeclaredFit) -> dict[str, Any]:
+    return {"parts": fit.parts, "kind": fit.kind, "depth": fit.depth, "reason": fit.reason}
 
 
 def _alternative_document(entry: Alternative) -> dict[str, Any]:
@@ -360,6 +366,12 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
         hands=document.get("hands", 2),
         executable=document.get("executable"),
         cost=_cost(document.get("cost")),
+        fits=_each(
+            document.get("fits", ()),
+            lambda f: DeclaredFit(
+                parts=(f["parts"][0], f["parts"][1]), kind=f["kind"], depth=f["depth"], reason=f["reason"]
+            ),
+        ),
         overlaps=_each(
             document.get("overlaps", ()),
             lambda o: Overlap(first=o["first"], second=o["second"], volume=o["volume"], fraction=o["fraction"]),

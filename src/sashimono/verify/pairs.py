@@ -27,6 +27,8 @@ class PairFinding:
     problem: str | None
     queries: int
     notes: tuple[str, ...] = ()
+    by_fit: tuple[str, str] | None = None
+    """The two parts, where only the fit that the plan declares of them allows it."""
 
 
 def pair_tolerance(first: SampledBody, second: SampledBody, config: VerifyConfig) -> float:

@@ -223,6 +223,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Vi
     timeline = make_timeline(plan, played, assembly, config)
     packer = Packer()
     notes = [*assembly.notes, *(note for note in plan.notes if note not in assembly.notes)]
+    notes += [f"Fit declared: {' and '.join(fit.parts)}, {fit.kind}; {fit.reason}" for fit in plan.fits]
     if shapes.decimated:
         notes.append("Meshes are simplified in this view; the plan was made with the full ones.")
     up = np.array(UP) if plan.table is None else plan.table.normal / np.linalg.norm(plan.table.normal)

@@ -72,6 +72,8 @@ class Words:
     """Where a tool has no room."""
     no_contact: str
     declared: str
+    gives: str
+    """Where an elastic part has to give on the way."""
     unsolved: str
     unsolved_part: str
     partial: str
@@ -132,6 +134,7 @@ ENGLISH = Words(
     no_room="No room for the tool ({tool}) with these parts in place.",
     no_contact="The plan has no grasp here: place by hand.",
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
+    gives="{part} has to give way, by up to {depth} mm.",
     unsolved="Parts without instructions",
     unsolved_part="{part}: no way in was found.",
     partial="{count} parts have no instructions: see the last page.",
@@ -194,6 +197,7 @@ GERMAN = Words(
     no_room="Kein Platz für das Werkzeug ({tool}), solange diese Teile da sind.",
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
+    gives="{part} muss nachgeben, um bis zu {depth} mm.",
     unsolved="Teile ohne Anleitung",
     unsolved_part="{part}: kein Weg hinein gefunden.",
     partial="{count} Teile haben keine Anleitung: siehe letzte Seite.",
@@ -259,6 +263,7 @@ JAPANESE = Words(
     no_room="これらの部品があると工具（{tool}）が入りません。",
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
+    gives="{part} がたわみます(最大 {depth} mm)。",
     unsolved="手順のない部品",
     unsolved_part="{part}：組み込む経路が見つかりませんでした。",
     partial="{count}個の部品には手順がありません。最後のページを見てください。",

@@ -299,6 +299,9 @@ class _Page:
                 break
         if step.declared is not None:
             said.append(_escape(words.declared))
+        for fit in self._manual.fits:
+            if any(len({*fit.parts} & {*each.members}) == 1 and {*fit.parts} & {*each.fixed} for each in task.steps):
+                said.append(_escape(words.gives.format(part=fit.parts[0], depth=f"{1e3 * fit.depth:.2g}")))
         return said
 
     def _unsolved(self) -> str:

@@ -1,0 +1,67 @@
+"""What counts as elastic, and how much of it is taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitConfig:
+    """Which fits are declared where a plan is otherwise incomplete."""
+
+    enabled: bool = True
+    """Whether any are."""
+    max_parts: int = 24
+    """Of more parts that hold one another, none is looked at."""
+    lines: int = 12
+    """Lines along which a part is tried to be drawn out, both ways: the axes, its own, those of the others."""
+    accuracy: float = 0.02
+    """To which the depth that is needed is found, relative to it."""
+    margin: float = 1.12
+    """Declared depth over the one that is needed: between probes it may be greater."""
+    planned: float = 0.95
+    """Share of the declared depth that level 1 uses."""
+    solid: float = 0.135
+    """Most that a part with an arm gives, over the smaller part's smallest extent."""
+    wall: float = 0.36
+    """Most that any gives, over the walls of the thicker one of the two: more, and thin parts slip through."""
+    strain: float = 0.04
+    """Most that the surface of what bends is strained. Plastics of snap hooks bear 2 to 8 %, spring steel 1 to 2 %."""
+    stretch: float = 0.12
+    """Most that a spring or an O-ring is stretched, radius over radius."""
+    ring_thickness: float = 0.45
+    """Thickest open ring, across over its mean radius."""
+    ring_round: float = 0.12
+    """Its inner radius varies by no more, tenth to ninetieth percentile over the mean radius."""
+    ring_gap: tuple[float, float] = (4.0, 170.0)
+    """Its gap [degrees], least and most."""
+    spring_wire: float = 0.25
+    """Thickest wire of a spring, its radius over that of the coil: springs are wound to 4 and more."""
+    spring_step: float = 0.6
+    """How well a spring's surface keeps in step with its pitch, from 0 to 1; rings and tubes keep none."""
+    seal_section: float = 0.35
+    """Thickest O-ring, the radius of its section over that of its middle line."""
+    seal_round: float = 0.08
+    """Largest deviation of its surface from a torus, over the radius of its section."""
+    seal_around: float = 0.75
+    """Share of the circle on which it must touch the other part."""
+    sheet: float = 0.06
+    """Thickest formed sheet, over its middle extent."""
+    sheet_formed: float = 4.0
+    """Least that its smallest extent is, over its thickness: a washer is flat."""
+    sheet_filled: float = 0.4
+    """Most of its convex hull that it fills."""
+    sheet_free: float = 0.25
+    """Free length of a formed sheet, over its middle extent."""
+    relaxed: float = 0.6
+    """Least share of the depth needed that a formed sheet overlaps as assembled: it is drawn relaxed."""
+    press: float = 2.5
+    """Most that a press fit goes deeper than it overlaps as assembled, over that."""
+    press_radius: float = 0.04
+    """The same, over its radius."""
+    arm_slender: float = 3.0
+    """Shortest arm, free length over thickness."""
+    arm_thickens: float = 2.2
+    """Where what bends is thicker than this, over where it is thinnest, it ends."""
+    arm_places: int = 16
+    """Most places at which the arms of one part are looked at."""

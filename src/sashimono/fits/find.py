@@ -1,0 +1,213 @@
+"""Which fits let parts come apart that hold one another: the shallowest straight ways out past what can give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.masks import bits
+from sashimono.disassembly.placed_parts import PlacedParts
+from sashimono.disassembly.shared_bodies import SharedBodies, SharedConfig
+from sashimono.fits.arms import find_arm
+from sashimono.fits.config import FitConfig
+from sashimono.fits.pressing import Pressed, is_squeezed, places, pressed
+from sashimono.fits.shapes import ElasticShape, elastic_shape, sits_tight
+from sashimono.geometry import se3
+from sashimono.geometry.features.tube import TubeConfig
+from sashimono.plan import DeclaredFit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Way:
+    """A straight way out, and what has to give on it."""
+
+    part: int
+    direction: Float[np.ndarray, "3"]
+    depths: dict[int, float]
+    """By part that is in the way: how deep the two go into each other [m]."""
+    strain: float
+    """The greatest of these, over the most that the pair could give."""
+
+
+class FitFinder:
+    """Finds the fits to declare among parts that hold one another."""
+
+    def __init__(self, parts: PlacedParts, *, config: FitConfig) -> None:
+        self._parts, self.config = parts, config
+        tube = TubeConfig(depth=(0.0, 2.0 * config.press_radius))
+        self._shared = SharedBodies(parts, config=SharedConfig(tube=tube))
+        self._shapes: dict[int, ElasticShape | None] = {}
+
+    def find(self, remaining: int) -> tuple[DeclaredFit, ...]:
+        """Return fits with which some, or all, of the remaining parts (a mask) come apart; none if nothing can give.
+
+        Parts that leave without are taken out first. Then, of all straight ways out on which all that is in the way
+        can give, that with the least need is taken, and so on.
+        """
+        declared: dict[tuple[int, int], DeclaredFit] = {}
+        if remaining.bit_count() > self.config.max_parts:
+            return ()
+        while remaining.bit_count() > 1:
+            ways = sorted(self._ways(remaining), key=lambda way: (round(way.strain, 9), way.part))
+            for way in ways:
+                found = self._declared(way)
+                if found is not None:
+                    for fit in found:
+                        key = self._key(fit)
+                        if key not in declared or declared[key].depth < fit.depth:
+                            declared[key] = fit
+                    remaining &= ~(1 << way.part)
+                    break
+            else:
+                break
+        return tuple(declared[key] for key in sorted(declared))
+
+    def _key(self, fit: DeclaredFit) -> tuple[int, int]:
+        a, b = (self._parts.assembly.index(name) for name in fit.parts)
+        return min(a, b), max(a, b)
+
+    def _ways(self, remaining: int) -> list[_Way]:
+        """The straight ways out of all parts; only one, if there is one on which nothing has to give."""
+        ways = []
+        for part in bits(remaining):
+            others = bits(remaining & ~(1 << part))
+            for direction in self._directions(part, others):
+                way = self._way(part, others, direction)
+                if way is not None:
+                    ways.append(way)
+                    if not way.depths:
+                        return [way]
+        return ways
+
+    def _directions(self, part: int, others: list[int]) -> Float[np.ndarray, "direction 3"]:
+        """The axes, the lines of a part, and those of the others, both ways."""
+        parts, kept = self._parts, []
+        for line in np.concatenate([np.eye(3), parts.part_lines[part], *(parts.part_lines[k] for k in others)]):
+            if len(kept) < self.config.lines and all(abs(line @ other) < 0.9998 for other in kept):
+                kept.append(line)
+        return np.array([sign * line for line in kept for sign in (1.0, -1.0)])
+
+    def _way(self, part: int, others: list[int], direction: Float[np.ndarray, "3"]) -> _Way | None:
+        """The way out of a part along a direction; None if something is in the way that cannot give so much."""
+        depths, strain = {}, 0.0
+        for _, other in self._parts.parts_ahead(part, np.zeros(3), direction, others):
+            if np.isinf(free_travel(self._parts, part, np.zeros(3), direction, other)):
+                continue
+            most = self._most(part, other)
+            depth = self._depth(part, other, direction, most)
+            if depth is None:
+                return None
+            depths[other] = depth
+            strain = max(strain, depth / most)
+        return _Way(part=part, direction=direction, depths=depths, strain=strain)
+
+    def _depth(self, part: int, other: int, direction: Float[np.ndarray, "3"], most: float) -> float | None:
+        """How deep a part goes into another on its straight way, to the accuracy; None if deeper than ``most``."""
+        parts, config = self._parts, self.config
+        tolerated = float(parts.overlaps[part, other]) + parts.bare(part, other)
+
+        def passes(depth: float) -> bool:
+            pair = parts.with_fits({(part, other): depth})
+            return bool(np.isinf(free_travel(pair, part, np.zeros(3), direction, other)))
+
+        most /= config.margin
+        if tolerated >= most or not passes(most):
+            return None
+        low, high = tolerated, most
+        if passes(low):  # the tolerated depth, but too far from where the two overlap, or after they have parted
+            return low
+        while high - low > config.accuracy * high:
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if passes(middle) else (middle, high)
+        return high
+
+    def _most(self, a: int, b: int) -> float:
+        """The most that a pair can give, by its sizes and shapes [m]."""
+        parts, config = self._parts, self.config
+        give = config.solid * parts.smaller_size(a, b)
+        give = max(give, *(0.0 if (shape := self._shape(k)) is None else shape.give for k in (a, b)))
+        return min(give, config.wall * max(parts.bodies[a].wall, parts.bodies[b].wall))
+
+    def _shape(self, part: int) -> ElasticShape | None:
+        if part not in self._shapes:
+            body = self._parts.bodies[part]
+            self._shapes[part] = elastic_shape(body, self._axes(part), config=self.config)
+        return self._shapes[part]
+
+    def _axes(self, part: int) -> Float[np.ndarray, "axis 3"]:
+        """Lines of a part's surface, and principal axes of its mass and of its normals, in its own frame."""
+        body = self._parts.bodies[part]
+        lines = self._parts.part_lines[part] @ self._parts.poses[part][:3, :3]
+        normals = body.sample_normals
+        # a short spring's inertia tells no axis, but its normals look along that more than across
+        return np.concatenate([lines, body.mass_properties.axes.T, np.linalg.eigh(normals.T @ normals)[1].T])
+
+    def _declared(self, way: _Way) -> list[DeclaredFit] | None:
+        """The fits that a way needs; None if one of the pairs is not known to be able to give."""
+        parts, fits = self._parts, []
+        for other, depth in way.depths.items():
+            found = self._told(way.part, other, way.direction, depth)
+            if found is None:
+                return None
+            kind, giving, words = found
+            declared = max(self.config.margin * depth, parts.limit(way.part, other, 1.05 * parts.tolerances.plan))
+            names = [parts.assembly.names[k] for k in (giving, way.part + other - giving)]
+            reason = f"elastic: {1e3 * depth:.3g} mm has to give: {names[0]} is {words}"
+            fits.append(DeclaredFit(parts=(names[0], names[1]), kind=kind, depth=round(declared, 9), reason=reason))
+        return fits
+
+    def _told(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float):
+        """What kind of fit two parts have, which of them gives, and what it is; None if none is told."""
+        for giving, rigid in ((part, other), (other, part)):
+            shape = self._shape(giving)
+            if shape is not None and depth <= shape.give and self._in_place(shape, giving, rigid, depth):
+                return shape.kind, giving, shape.words
+        if (words := self._press(part, other, direction, depth)) is not None:
+            return "press", min(part, other, key=lambda k: (self._parts.sizes[k], k)), words
+        if depth > self.config.solid * self._parts.smaller_size(part, other):
+            return None
+        found = pressed(self._parts, part, other, direction, depth)
+        for giving, rigid, where in ((part, other, found[0]), (other, part, found[1])):
+            if (words := self._arms(giving, rigid, where, depth)) is not None:
+                return "snap", giving, words
+        return None
+
+    def _in_place(self, shape: ElasticShape, giving: int, rigid: int, depth: float) -> bool:
+        """Whether what is elastic by its shape is where such a part is used."""
+        parts = self._parts
+        if shape.kind == "clip":
+            return bool(parts.overlaps[giving, rigid] >= self.config.relaxed * depth)
+        if shape.kind == "seal":
+            T = se3.inverse(parts.poses[rigid]) @ parts.poses[giving]
+            axis = parts.bodies[giving].mass_properties.axes[:, 2]
+            return sits_tight(parts.bodies[giving], parts.bodies[rigid], T, axis, self.config)
+        return True
+
+    def _press(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float) -> str | None:
+        """What a press fit is, in words: two round surfaces about one axis that overlap all around as assembled."""
+        overlap, config = float(self._parts.overlaps[part, other]), self.config
+        if overlap <= 0.0 or depth > config.press * overlap:
+            return None
+        tube = self._shared.tube(part, other, direction)
+        if tube is None or depth > config.press_radius * tube.outer_radius:
+            return None
+        return f"pressed in round, {1e3 * overlap:.3g} mm as assembled, at a radius of {1e3 * tube.outer_radius:.3g} mm"
+
+    def _arms(self, giving: int, rigid: int, where: list[Pressed], depth: float) -> str | None:
+        """What bends, in words, if a part gives by arms wherever it is pressed."""
+        body, obstacle, arms = self._parts.bodies[giving], self._parts.bodies[rigid], []
+        if not where:
+            return None
+        for entry in places(where, self.config.arm_places):
+            found = find_arm(body, entry.point, entry.push, entry.depth, config=self.config)
+            if found is None or found[0].give < entry.depth:
+                return None
+            arm, back = found
+            if not entry.room_behind(back, obstacle) or is_squeezed(entry, back, where):
+                return None
+            arms.append(arm)
+        arm = min(arms, key=lambda arm: arm.give)
+        return f"bent, an arm {1e3 * arm.length:.3g} mm long and {1e3 * arm.thickness:.3g} mm thick"
