@@ -38,7 +38,7 @@ def figures() -> str:
         [
             kind,
             f"{s['ended']} of {s['assemblies']}",
-            f"**{s['complete']}** of {s['assemblies']}",
+            f"**{s['complete']}** of {s['assemblies']}" + (f" ({k} with fits)" if (k := s.get("with_fits", 0)) else ""),
             s["refuted"],
             f"{s['median_cpu_s']} s",
             f"{s['worst_cpu_s']} s",

@@ -71,7 +71,7 @@ ROOMS = {
         {"precedence", "bonds", "tools"},
         {"report"},
     ],
-    "fits": [{"config"}, {"shapes", "arms", "pressing"}, {"find"}],
+    "fits": [{"config"}, {"shapes", "arms", "pressing", "piercing"}, {"find"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},

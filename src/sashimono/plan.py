@@ -379,6 +379,10 @@ class OrderCost:
     """What each counts."""
 
 
+FitKind = Literal["ring", "spring", "seal", "clip", "snap", "press"]
+"""An open ring (circlip, C-clip); a helical spring; an O-ring; a formed sheet; an arm with a lip; a press fit."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class DeclaredFit:
     """Two parts of which one has to give on the way: they may go deeper into each other than any others.
@@ -388,8 +392,7 @@ class DeclaredFit:
 
     parts: tuple[str, str]
     """The one that gives, and the one that it gives way to."""
-    kind: Literal["ring", "spring", "seal", "clip", "snap", "press"]
-    """An open ring (circlip, C-clip); a helical spring; an O-ring; a formed sheet; an arm with a lip; a press fit."""
+    kind: FitKind
     depth: float
     """How deep the two may go into each other, all in all, anywhere on the way [m]."""
     reason: str

@@ -148,3 +148,23 @@ def test_how_much_a_pair_can_give() -> None:
     assert largest_fit(cube, plate, config) == pytest.approx(config.relative_fit * 4 * MM)
     # a circlip gives more than a share of its thickness
     assert config.relative_fit * 1 * MM < 0.4 * MM < largest_fit(clip, shaft, config) < 2 * MM
+
+
+def test_a_fit_lets_nothing_slip_through_a_thin_wall() -> None:
+    # angles of sheet 0.8 mm thick: no point of either is ever deeper in the other than 0.4 mm
+    wall = span((-15, 15), (-0.4, 0.4), (0, 20)) + span((-15, 15), (-0.4, 20), (-0.8, 0.1))
+    blade = span((-5, 5), (-20, -12), (10, 10.8)) + span((-5, 5), (-12.8, -12), (10, 16))
+    parts = Assembly(parts=(part_of("wall", wall), part_of("blade", blade)))
+    steps = (bring("wall", (), (0.0, 0.0, 0.0)), bring("blade", ("wall",), (0.0, 50.0, 0.0), (0.0, 0.0, 0.0)))
+    through = AssemblyPlan(
+        status="complete",
+        source=Source(path="", sha256="", unit="m"),
+        parts={part.name: part.T_world_part for part in parts.parts},
+        order=("wall", "blade"),
+        steps=steps,
+        fits=(fit(0.5, "blade", "wall"),),
+    )
+    report = verify_plan(through, parts)
+    assert not report.problems  # parts of these sizes could give so much
+    (problem,) = report.steps[1].problems
+    assert "slips through wall" in problem

@@ -51,9 +51,9 @@ def find_arm(
     if start is None:
         return None
     thick = _across(body, start, push)
-    back = start + thick[1] * push
-    if thick[2] < depth:
+    if not np.isfinite(thick[0] + thick[1]) or thick[2] < depth:
         return None
+    back = start + thick[1] * push
     frame = frame_along(push)
     turns = 2.0 * np.pi * np.arange(_WALKS) / _WALKS
     directions = np.column_stack([np.cos(turns), np.sin(turns)]) @ frame[:2]
@@ -94,8 +94,13 @@ def _within(
 
 
 def _across(body: Body, start: Float[np.ndarray, "3"], push: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    """From a point inside: the way out against the push, along it, and from there to what is behind [m]."""
+    """From a point inside: the way out against the push, along it, and from there to what is behind [m].
+
+    Where the surface is unsound, no way out may be found: then all are infinite.
+    """
     ways, _ = cast_rays(body.signed_distance, np.tile(start, (2, 1)), np.stack([-push, push]), side="leaving")
+    if not np.isfinite(ways).all():
+        return np.inf, np.inf, np.inf
     back = start + (ways[1] + 1e-6 * body.radius) * push
     room, _ = cast_rays(body.signed_distance, back[None], push[None], side="entering")
     return float(ways[0]), float(ways[1]), float(room[0])

@@ -23,8 +23,6 @@ class FitConfig:
     """Share of the declared depth that level 1 uses."""
     solid: float = 0.135
     """Most that a part with an arm gives, over the smaller part's smallest extent."""
-    wall: float = 0.36
-    """Most that any gives, over the walls of the thicker one of the two: more, and thin parts slip through."""
     strain: float = 0.04
     """Most that the surface of what bends is strained. Plastics of snap hooks bear 2 to 8 %, spring steel 1 to 2 %."""
     stretch: float = 0.12

@@ -13,11 +13,12 @@ from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.shared_bodies import SharedBodies, SharedConfig
 from sashimono.fits.arms import find_arm
 from sashimono.fits.config import FitConfig
+from sashimono.fits.piercing import slips_through
 from sashimono.fits.pressing import Pressed, is_squeezed, places, pressed
 from sashimono.fits.shapes import ElasticShape, elastic_shape, sits_tight
 from sashimono.geometry import se3
 from sashimono.geometry.features.tube import TubeConfig
-from sashimono.plan import DeclaredFit
+from sashimono.plan import DeclaredFit, FitKind
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,8 +129,7 @@ class FitFinder:
         """The most that a pair can give, by its sizes and shapes [m]."""
         parts, config = self._parts, self.config
         give = config.solid * parts.smaller_size(a, b)
-        give = max(give, *(0.0 if (shape := self._shape(k)) is None else shape.give for k in (a, b)))
-        return min(give, config.wall * max(parts.bodies[a].wall, parts.bodies[b].wall))
+        return max(give, *(0.0 if (shape := self._shape(k)) is None else shape.give for k in (a, b)))
 
     def _shape(self, part: int) -> ElasticShape | None:
         if part not in self._shapes:
@@ -150,7 +150,7 @@ class FitFinder:
         parts, fits = self._parts, []
         for other, depth in way.depths.items():
             found = self._told(way.part, other, way.direction, depth)
-            if found is None:
+            if found is None or slips_through(parts, way.part, other, way.direction, depth):
                 return None
             kind, giving, words = found
             declared = max(self.config.margin * depth, parts.limit(way.part, other, 1.05 * parts.tolerances.plan))
@@ -159,7 +159,9 @@ class FitFinder:
             fits.append(DeclaredFit(parts=(names[0], names[1]), kind=kind, depth=round(declared, 9), reason=reason))
         return fits
 
-    def _told(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float):
+    def _told(
+        self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float
+    ) -> tuple[FitKind, int, str] | None:
         """What kind of fit two parts have, which of them gives, and what it is; None if none is told."""
         for giving, rigid in ((part, other), (other, part)):
             shape = self._shape(giving)

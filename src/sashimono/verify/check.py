@@ -22,7 +22,7 @@ from sashimono.verify.fits import fit_problems
 from sashimono.verify.grasp import Surroundings, contact_problems
 from sashimono.verify.holding import PlacedParts
 from sashimono.verify.overlap import AssembledOverlaps
-from sashimono.verify.pairs import PairFinding, check_pair, check_table, pair_tolerance
+from sashimono.verify.pairs import PairFinding, check_by_fit, check_pair, check_table, pair_tolerance
 from sashimono.verify.report import StepReport, VerifyReport
 from sashimono.verify.resting import resting_problems
 from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
@@ -313,6 +313,5 @@ class _Past:
             return found
         key = (*key, declared)
         if key not in site.findings:
-            found = check_pair(body, other, self.path, pose, overlaps=None, tolerance=declared, config=site.config)
-            site.findings[key] = replace(found, by_fit=(body.name, name))
+            site.findings[key] = check_by_fit(body, other, self.path, pose, depth=declared, config=site.config)
         return site.findings[key]

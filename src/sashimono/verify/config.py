@@ -29,7 +29,7 @@ class VerifyConfig:
     give_thickness: float = 2.0
     """Most that a fit with such a part may be deep, over twice its volume over its surface, ..."""
     give_extent: float = 0.1
-    """... and over its middle extent. No fit is deeper than ``relative_wall`` of the thicker one's walls."""
+    """... and over its middle extent."""
     samples: int = 3000
     """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
     relative_resolution: float = 0.125

@@ -2,7 +2,7 @@
 
 Which part gives, and why, is the planner's word. What is checked is that it cannot declare everything away. A pair
 gives a share of the smaller part's size. A part that is thin in itself (a ring, a spring, a formed sheet) gives about
-as much as it is thick. Nothing gives so much that it would slip through the thicker of the two.
+as much as it is thick. That neither slips through the other is looked at where they move (`piercing`).
 """
 
 from __future__ import annotations
@@ -45,8 +45,7 @@ def fit_problems(fits: Sequence[DeclaredFit], bodies: Mapping[str, SampledBody],
 def largest_fit(first: SampledBody, second: SampledBody, config: VerifyConfig) -> float:
     """Return the depth that a declared fit of two parts may have at most [m]."""
     give = config.relative_fit * min(first.smallest_extent, second.smallest_extent)
-    give = max(give, _thin_give(first, config), _thin_give(second, config))
-    return min(give, config.relative_wall * max(first.wall, second.wall))
+    return max(give, _thin_give(first, config), _thin_give(second, config))
 
 
 def _thin_give(body: SampledBody, config: VerifyConfig) -> float:

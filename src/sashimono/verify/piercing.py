@@ -1,0 +1,67 @@
+"""Does one part slip through another? A dented one has material left behind the dent, a pierced wall has not.
+
+Depth alone does not tell: no point of a wall is deeper in anything than half its thickness. So where a declared fit
+lets a pair go deeper than else, it is looked, along the way, how thick each part is where the other is in it. If it is
+hardly more than twice as thick as the other is deep, in both parts at once, one goes through the other.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from sashimono.geometry import se3
+from sashimono.verify.body import SampledBody
+from sashimono.verify.sweep import Screws
+
+_MAX_POSES = 160
+_STEP = 0.5
+"""Travel between two looks, over the depth that is declared."""
+_THROUGH = 2.3
+"""Thickness over depth, below which a place counts as gone through: in the middle of a wall it is 2."""
+
+
+def pierced_at(
+    moving: SampledBody, fixed: SampledBody, seen: Screws, contact: Float[np.ndarray, "n"], least: float, depth: float
+) -> float | None:
+    """Return the first time looked at, in stretches, at which one part goes through the other; None if there is none.
+
+    Args:
+        moving: The part that moves.
+        fixed: The part that stays.
+        seen: The path, in the frame of the fixed part.
+        contact: Times at which the two were found to touch.
+        least: Depth up to which no place counts [m]: no wall is so thin.
+        depth: How deep they may go into each other [m].
+    """
+    if not len(contact):
+        return None
+    for time in _times(moving, seen, float(contact.min()), float(contact.max()), depth):
+        T = seen.pose_at(time)
+        if _goes_through(moving, fixed, T, least) and _goes_through(fixed, moving, se3.inverse(T), least):
+            return float(time)
+    return None
+
+
+def _goes_through(first: SampledBody, second: SampledBody, T: Float[np.ndarray, "4 4"], least: float) -> bool:
+    """Whether some sample of the first body is deep in the second where that is hardly more than twice as thick."""
+    points = se3.apply(T, first.tree.leaves)
+    points = points[second.box_distance(points) <= 0.0]
+    if not len(points):
+        return False
+    depths = -second.distance(points)
+    points, depths = points[depths > least], depths[depths > least]
+    return bool(len(points)) and bool((second.thickness_at(points, depths) < _THROUGH * depths).any())
+
+
+def _times(moving: SampledBody, seen: Screws, first: float, last: float, depth: float) -> Float[np.ndarray, "n"]:
+    """Times from the first to the last, evenly spaced by the travel of the point that moves most."""
+    count = len(seen.angle)
+    speed = np.linalg.norm(seen.shift, axis=1) + np.abs(seen.angle) * [moving.reach(p) for p in seen.point]
+    marks = np.unique(np.concatenate([[first, last], np.arange(np.ceil(first), last)]))
+    lengths = [(b - a) * speed[min(int(0.5 * (a + b)), count - 1)] for a, b in pairwise(marks)]
+    travel = np.concatenate([[0.0], np.cumsum(lengths)])
+    looks = int(min(np.ceil(travel[-1] / (_STEP * depth)) + 1, _MAX_POSES))
+    return np.interp(np.linspace(0.0, travel[-1], max(looks, 2)), travel, marks)
