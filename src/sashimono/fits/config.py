@@ -27,6 +27,8 @@ class FitConfig:
     """Most that the surface of what bends is strained. Plastics of snap hooks bear 2 to 8 %, spring steel 1 to 2 %."""
     stretch: float = 0.12
     """Most that a spring or an O-ring is stretched, radius over radius."""
+    across: float = 0.5
+    """A ring, a spring or an O-ring gives across its axis: pushes that have more than this along it are another's."""
     ring_thickness: float = 0.45
     """Thickest open ring, across over its mean radius."""
     ring_round: float = 0.12

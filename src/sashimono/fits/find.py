@@ -33,6 +33,17 @@ class _Way:
     """The greatest of these, over the most that the pair could give."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Told:
+    """What gives, of two parts."""
+
+    part: int
+    kind: FitKind
+    words: str
+    give: float
+    """How far it could [m]."""
+
+
 class FitFinder:
     """Finds the fits to declare among parts that hold one another."""
 
@@ -152,54 +163,57 @@ class FitFinder:
             found = self._told(way.part, other, way.direction, depth)
             if found is None or slips_through(parts, way.part, other, way.direction, depth):
                 return None
-            kind, giving, words = found
             declared = max(self.config.margin * depth, parts.limit(way.part, other, 1.05 * parts.tolerances.plan))
-            names = [parts.assembly.names[k] for k in (giving, way.part + other - giving)]
-            reason = f"elastic: {1e3 * depth:.3g} mm has to give: {names[0]} is {words}"
-            fits.append(DeclaredFit(parts=(names[0], names[1]), kind=kind, depth=round(declared, 9), reason=reason))
+            names = [parts.assembly.names[k] for k in (found.part, way.part + other - found.part)]
+            reason = f"elastic: {_mm(depth)} has to give, of {_mm(found.give)} that could: {names[0]} is {found.words}"
+            fit = DeclaredFit(parts=(names[0], names[1]), kind=found.kind, depth=round(declared, 9), reason=reason)
+            fits.append(fit)
         return fits
 
-    def _told(
-        self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float
-    ) -> tuple[FitKind, int, str] | None:
+    def _told(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float) -> _Told | None:
         """What kind of fit two parts have, which of them gives, and what it is; None if none is told."""
-        for giving, rigid in ((part, other), (other, part)):
+        found = pressed(self._parts, part, other, direction, depth)
+        sides = ((part, other, found[0]), (other, part, found[1]))
+        for giving, rigid, where in sides:
             shape = self._shape(giving)
-            if shape is not None and depth <= shape.give and self._in_place(shape, giving, rigid, depth):
-                return shape.kind, giving, shape.words
-        if (words := self._press(part, other, direction, depth)) is not None:
-            return "press", min(part, other, key=lambda k: (self._parts.sizes[k], k)), words
+            if shape is not None and depth <= shape.give and self._in_place(shape, giving, rigid, depth, where):
+                return _Told(part=giving, kind=shape.kind, words=shape.words, give=shape.give)
+        if (press := self._press(part, other, direction, depth)) is not None:
+            return press
         if depth > self.config.solid * self._parts.smaller_size(part, other):
             return None
-        found = pressed(self._parts, part, other, direction, depth)
-        for giving, rigid, where in ((part, other, found[0]), (other, part, found[1])):
-            if (words := self._arms(giving, rigid, where, depth)) is not None:
-                return "snap", giving, words
+        for giving, rigid, where in sides:
+            if (snap := self._arms(giving, rigid, where)) is not None:
+                return snap
         return None
 
-    def _in_place(self, shape: ElasticShape, giving: int, rigid: int, depth: float) -> bool:
-        """Whether what is elastic by its shape is where such a part is used."""
+    def _in_place(self, shape: ElasticShape, giving: int, rigid: int, depth: float, where: list[Pressed]) -> bool:
+        """Whether what is elastic by its shape is where such a part is used, and is pressed as it can give."""
         parts = self._parts
         if shape.kind == "clip":
             return bool(parts.overlaps[giving, rigid] >= self.config.relaxed * depth)
+        if shape.axis is None or any(abs(entry.push @ shape.axis) > self.config.across for entry in where):
+            return False
         if shape.kind == "seal":
             T = se3.inverse(parts.poses[rigid]) @ parts.poses[giving]
-            axis = parts.bodies[giving].mass_properties.axes[:, 2]
-            return sits_tight(parts.bodies[giving], parts.bodies[rigid], T, axis, self.config)
+            return sits_tight(parts.bodies[giving], parts.bodies[rigid], T, shape.axis, self.config)
         return True
 
-    def _press(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float) -> str | None:
-        """What a press fit is, in words: two round surfaces about one axis that overlap all around as assembled."""
+    def _press(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float) -> _Told | None:
+        """A press fit: two round surfaces about one axis that overlap all around as assembled."""
         overlap, config = float(self._parts.overlaps[part, other]), self.config
         if overlap <= 0.0 or depth > config.press * overlap:
             return None
         tube = self._shared.tube(part, other, direction)
         if tube is None or depth > config.press_radius * tube.outer_radius:
             return None
-        return f"pressed in round, {1e3 * overlap:.3g} mm as assembled, at a radius of {1e3 * tube.outer_radius:.3g} mm"
+        smaller = min(part, other, key=lambda k: (self._parts.sizes[k], k))
+        words = f"pressed in round, {_mm(overlap)} as assembled, at a radius of {_mm(tube.outer_radius)}"
+        give = min(config.press * overlap, config.press_radius * tube.outer_radius)
+        return _Told(part=smaller, kind="press", words=words, give=give)
 
-    def _arms(self, giving: int, rigid: int, where: list[Pressed], depth: float) -> str | None:
-        """What bends, in words, if a part gives by arms wherever it is pressed."""
+    def _arms(self, giving: int, rigid: int, where: list[Pressed]) -> _Told | None:
+        """What bends, if a part gives by arms wherever it is pressed."""
         body, obstacle, arms = self._parts.bodies[giving], self._parts.bodies[rigid], []
         if not where:
             return None
@@ -212,4 +226,9 @@ class FitFinder:
                 return None
             arms.append(arm)
         arm = min(arms, key=lambda arm: arm.give)
-        return f"bent, an arm {1e3 * arm.length:.3g} mm long and {1e3 * arm.thickness:.3g} mm thick"
+        words = f"bent, an arm {_mm(arm.length)} long and {_mm(arm.thickness)} thick"
+        return _Told(part=giving, kind="snap", words=words, give=arm.give)
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.3g} mm"

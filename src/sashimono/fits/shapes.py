@@ -20,7 +20,7 @@ _CENTRED = 3
 _LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ElasticShape:
     """What a part is, if it is elastic by its whole shape."""
 
@@ -29,6 +29,8 @@ class ElasticShape:
     """What it is, with its measures."""
     give: float
     """How far it can give [m]."""
+    axis: Float[np.ndarray, "3"] | None = None
+    """Unit, its own frame: it gives across this, as a ring does; None if no direction is told."""
 
 
 def elastic_shape(body: Body, axes: Float[np.ndarray, "axis 3"], *, config: FitConfig) -> ElasticShape | None:
@@ -82,7 +84,7 @@ def _open_ring(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> E
         return None
     give = min(2.0 * config.strain * radius**2 / thickness, config.stretch * radius)
     words = f"an open ring, {_mm(thickness)} across at a radius of {_mm(radius)}, with a gap of {gap:.0f}°"
-    return ElasticShape(kind="ring", words=words, give=give)
+    return ElasticShape(kind="ring", words=words, give=give, axis=axis)
 
 
 def _seen_around(
@@ -139,7 +141,7 @@ def _spring(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> Elas
         return None
     turns = length * abs(float(rates[int(np.argmax(step))])) / (2.0 * np.pi)
     words = f"a helical spring of {turns:.1f} turns, wire {_mm(2.0 * wire)}, coil radius {_mm(radius)}"
-    return ElasticShape(kind="spring", words=words, give=min(config.stretch * radius, 2.0 * wire))
+    return ElasticShape(kind="spring", words=words, give=min(config.stretch * radius, 2.0 * wire), axis=axis)
 
 
 def _seal(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> ElasticShape | None:
@@ -157,7 +159,7 @@ def _seal(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> Elasti
     if np.abs(off).max() > config.seal_round * section or (around == 0).any():
         return None
     words = f"an O-ring, section {_mm(2.0 * section)}, inner diameter {_mm(2.0 * (radius - section))}"
-    return ElasticShape(kind="seal", words=words, give=min(config.stretch * radius, 1.7 * section))
+    return ElasticShape(kind="seal", words=words, give=min(config.stretch * radius, 1.7 * section), axis=axis)
 
 
 def sits_tight(
