@@ -64,6 +64,7 @@ def _open_ring(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> E
     low, high = float(along.min()), float(along.max())
     center = _circle_center(body.samples @ frame[:2].T)
     rays = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
+    there, inner, across = np.zeros(_ANGLES, dtype=bool), np.zeros(_ANGLES), np.zeros(_ANGLES)
     for _ in range(_CENTRED):
         origins = [center @ frame[:2] + (low + level * (high - low)) * axis for level in _LEVELS]
         if (body.signed_distance.query(np.array(origins)) <= 0.0).any():

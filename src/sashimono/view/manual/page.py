@@ -301,7 +301,7 @@ class _Page:
             said.append(_escape(words.declared))
         for fit in self._manual.fits:
             if any(len({*fit.parts} & {*each.members}) == 1 and {*fit.parts} & {*each.fixed} for each in task.steps):
-                said.append(_escape(words.gives.format(part=fit.parts[0], depth=f"{1e3 * fit.depth:.2g}")))
+                said.append(_breakable(words.gives.format(part=fit.parts[0], depth=f"{1e3 * fit.depth:.2g}")))
         return said
 
     def _unsolved(self) -> str:
