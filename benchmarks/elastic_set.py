@@ -94,6 +94,40 @@ def circlip() -> dict[str, Manifold]:
     return {"shaft": shaft, "clip": clip}
 
 
+def lug(angle: float, radius: float, z: tuple[float, float]) -> Manifold:
+    """Return a round lug of a circlip, with its hole for the pliers, at an angle [degrees] and a radius."""
+    x, y = radius * np.cos(np.radians(angle)), radius * np.sin(np.radians(angle))
+    return (rod(1.4, z, segments=24) - rod(0.6, (z[0] - 1, z[1] + 1), segments=24)).translate((x, y, 0.0))
+
+
+def bought_circlip() -> dict[str, Manifold]:
+    """A gear against a shaft's collar, kept by a circlip with lugs, wider opposite to its gap: 0.5 mm."""
+    shaft = rod(10.0, (-20.0, 20.0), segments=72) - ring(9.5, 11.0, (9.9, 11.3)) + rod(13.0, (-20.0, -14.0))
+    clip = rod(12.2, (10.0, 11.2), segments=72).translate((-0.4, 0.0, 0.0)) - rod(9.51, (9.0, 12.0), segments=72)
+    clip = clip - wedge(32.0, 20.0, (5.0, 15.0)) + lug(22.0, 11.6, (10.0, 11.2)) + lug(-22.0, 11.6, (10.0, 11.2))
+    clip -= rod(9.51, (9.0, 12.0), segments=72)
+    return {"shaft": shaft, "gear": ring(10.05, 24.0, (-13.95, 9.7)), "clip": clip}
+
+
+def inner_circlip() -> dict[str, Manifold]:
+    """A bearing in a blind bore, kept by an inner circlip with lugs: it closes by 0.5 mm."""
+    bore = rod(18.0, (-10.0, 14.0), segments=72) - rod(13.0, (-6.0, 15.0), segments=72) - rod(9.0, (-11.0, 0.0))
+    bore -= rod(13.5, (6.2, 7.6), segments=72)
+    clip = rod(13.49, (6.3, 7.5), segments=72) - rod(11.3, (5.0, 9.0), segments=72) - wedge(40.0, 20.0, (5.0, 15.0))
+    clip += lug(26.0, 11.2, (6.3, 7.5)) + lug(-26.0, 11.2, (6.3, 7.5))
+    return {"bore": bore, "bearing": ring(6.0, 12.97, (-5.95, 6.1), segments=72), "clip": clip}
+
+
+def e_clip() -> dict[str, Manifold]:
+    """An E-clip in the groove of a pin: three prongs, put on from the side; it opens by 0.4 mm."""
+    pin = rod(3.0, (-10.0, 10.0)) - ring(2.5, 4.0, (3.95, 4.75)) + rod(5.0, (-10.0, -6.0))
+    clip = ring(3.6, 5.5, (4.0, 4.7)) + span((-5.0, -2.45), (-1.2, 1.2), (4.0, 4.7))
+    for sign in (1.0, -1.0):
+        clip += span((2.4, 5.0), (-0.8, 0.8), (4.0, 4.7)).rotate((0.0, 0.0, sign * 76.0))
+    clip = clip - ring(5.5, 9.0, (3.0, 6.0)) - rod(2.52, (3.0, 6.0), segments=64) - wedge(110.0, 9.0, (3.0, 6.0))
+    return {"pin": pin, "clip": clip}
+
+
 def c_clip_on_rod() -> dict[str, Manifold]:
     """A C-clip on a rod between two collars; its mouth is 7 mm wide, the rod 8."""
     bar = across(rod(4.0, (-20.0, 20.0))) + across(ring(3.0, 7.0, (6.2, 9.0))) + across(ring(3.0, 7.0, (-9.0, -6.2)))
@@ -320,6 +354,9 @@ ELASTIC = tuple(
     FitCase(name=build.__name__, kind=kind, build=build, elastic=True, depth=depth)
     for build, kind, depth in (
         (circlip, "ring", 0.38),
+        (bought_circlip, "ring", 0.5),
+        (inner_circlip, "ring", 0.5),
+        (e_clip, "ring", 0.4),
         (c_clip_on_rod, "ring", 0.5),
         (clamp_ring, "ring", 0.45),
         (spring_on_post, "spring", 0.4),

@@ -32,7 +32,7 @@ class FitConfig:
     ring_thickness: float = 0.45
     """Thickest open ring, across over its mean radius."""
     ring_round: float = 0.12
-    """Its inner radius varies by no more, tenth to ninetieth percentile over the mean radius."""
+    """Its inner or its outer radius varies by no more, tenth to ninetieth percentile over the mean radius."""
     ring_gap: tuple[float, float] = (4.0, 170.0)
     """Its gap [degrees], least and most."""
     spring_wire: float = 0.25

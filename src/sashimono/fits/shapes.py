@@ -46,7 +46,7 @@ def elastic_shape(body: Body, axes: Float[np.ndarray, "axis 3"], *, config: FitC
             found = told(body, axis, config)
             if found is not None:
                 return found
-    return _formed_sheet(body, config)
+    return None if any(_is_tube(body, axis) for axis in axes) else _formed_sheet(body, config)
 
 
 def sheet_thickness(body: Body) -> float:
@@ -55,51 +55,86 @@ def sheet_thickness(body: Body) -> float:
 
 
 def _open_ring(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> ElasticShape | None:
-    """A circlip, or a C-clip: round inside, thin across, and with a gap. It opens like a curved beam.
+    """A circlip, or a C-clip: round inside or outside, thin across, and with a gap. It opens like a curved beam.
 
     A beam of radius R and thickness t that is bent to R + δ is strained by t/2 · (1/R - 1/(R + δ)) ≈ t δ / (2 R²).
+    """
+    for outside in (False, True):
+        seen = _around(body, axis, outside)
+        if seen is None:
+            continue
+        inner, outer = seen
+        there = np.isfinite(inner)
+        gap = 360.0 / _ANGLES * _longest_gap(there)
+        if not config.ring_gap[0] <= gap <= config.ring_gap[1] or (~there).sum() > 1.2 * gap * _ANGLES / 360.0 + 1:
+            continue
+        # it bends where it is thin, between prongs and lugs
+        thickness = float(np.quantile((outer - inner)[there], 0.25))
+        rim = (outer if outside else inner)[there]
+        radius = float(np.median(rim)) + (-0.5 if outside else 0.5) * thickness
+        uneven = float(np.ptp(np.quantile(rim, (0.1, 0.9))))
+        if not 0.0 < thickness <= config.ring_thickness * radius or uneven > config.ring_round * radius:
+            continue
+        give = min(2.0 * config.strain * radius**2 / thickness, config.stretch * radius)
+        words = f"an open ring, {_mm(thickness)} across at a radius of {_mm(radius)}, with a gap of {gap:.0f}°"
+        return ElasticShape(kind="ring", words=words, give=give, axis=axis)
+    return None
+
+
+def _around(
+    body: Body, axis: Float[np.ndarray, "3"], outside: bool
+) -> tuple[Float[np.ndarray, "ray"], Float[np.ndarray, "ray"]] | None:
+    """Where a part begins and ends all around an axis of this direction, through the middle of its inner or outer rim;
+    None if the axis is not free, or if the part is not there at most heights.
+
+    Lugs stand out on the one rim, prongs on the other.
     """
     frame = frame_along(axis)
     along = body.vertices @ axis
     low, high = float(along.min()), float(along.max())
     center = _circle_center(body.samples @ frame[:2].T)
     rays = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
-    there, inner, across = np.zeros(_ANGLES, dtype=bool), np.zeros(_ANGLES), np.zeros(_ANGLES)
+    inner, outer = np.full(_ANGLES, np.inf), np.zeros(_ANGLES)
     for _ in range(_CENTRED):
         origins = [center @ frame[:2] + (low + level * (high - low)) * axis for level in _LEVELS]
         if (body.signed_distance.query(np.array(origins)) <= 0.0).any():
             return None
-        inner, across, levels = _seen_around(body, origins, rays @ frame[:2])
+        inner, outer, levels = _seen_around(body, origins, rays @ frame[:2])
         there = np.isfinite(inner)
         if there.sum() < 3 or np.median(levels[there]) < 3:
             return None
-        # lugs and handles draw the first circle aside: the next one is through the inner surface
-        center = _circle_center(center + inner[there, None] * rays[there])
-    gap = 360.0 / _ANGLES * _longest_gap(there)
-    if not config.ring_gap[0] <= gap <= config.ring_gap[1] or (~there).sum() > 1.2 * gap * _ANGLES / 360.0 + 1:
-        return None
-    thickness = float(np.median(across[there]))
-    radius = float(np.median(inner[there])) + 0.5 * thickness
-    uneven = float(np.ptp(np.quantile(inner[there], (0.1, 0.9))))
-    if thickness > config.ring_thickness * radius or uneven > config.ring_round * radius or thickness <= 0.0:
-        return None
-    give = min(2.0 * config.strain * radius**2 / thickness, config.stretch * radius)
-    words = f"an open ring, {_mm(thickness)} across at a radius of {_mm(radius)}, with a gap of {gap:.0f}°"
-    return ElasticShape(kind="ring", words=words, give=give, axis=axis)
+        rim = (outer if outside else inner)[there]
+        # what stands out aside: the next circle is through the half of the rim that is nearest to this one
+        off = np.abs(rim - np.median(rim))
+        kept = off <= np.median(off)
+        center = _circle_center(center + (rim[:, None] * rays[there])[kept])
+    return inner, outer
 
 
 def _seen_around(
     body: Body, origins: list[Float[np.ndarray, "3"]], rays: Float[np.ndarray, "ray 3"]
 ) -> tuple[Float[np.ndarray, "ray"], Float[np.ndarray, "ray"], Int[np.ndarray, "ray"]]:
-    """The least way to the part along each ray, from any of some points; its greatest thickness there; and from how
-    many of the points it is met."""
-    inner, across = np.full((len(origins), len(rays)), np.inf), np.zeros((len(origins), len(rays)))
+    """Where a part begins and ends along each ray, as seen from some points and from afar; and from how many of the
+    points it is met."""
+    inner, outer = np.full((len(origins), len(rays)), np.inf), np.zeros((len(origins), len(rays)))
+    far = 3.0 * body.radius
     for k, origin in enumerate(origins):
         inner[k], _ = cast_rays(body.signed_distance, np.tile(origin, (len(rays), 1)), rays, side="entering")
         hit = np.isfinite(inner[k])
-        starts = origin + (inner[k, hit] + 1e-6 * body.radius)[:, None] * rays[hit]
-        across[k, hit], _ = cast_rays(body.signed_distance, starts, rays[hit], side="leaving")
-    return inner.min(axis=0), across.max(axis=0), np.isfinite(inner).sum(axis=0)
+        back, _ = cast_rays(body.signed_distance, origin + far * rays[hit], -rays[hit], side="entering")
+        outer[k, hit] = far - back
+    return inner.min(axis=0), outer.max(axis=0), np.isfinite(inner).sum(axis=0)
+
+
+def _is_tube(body: Body, axis: Float[np.ndarray, "3"]) -> bool:
+    """Whether a part is closed all around an axis of this direction through its middle, at most heights."""
+    frame = frame_along(axis)
+    along = body.vertices @ axis
+    origins = [body.center + (along.min() + level * np.ptp(along) - body.center @ axis) * axis for level in _LEVELS]
+    if (body.signed_distance.query(np.array(origins)) <= 0.0).any():
+        return False
+    rays = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)]) @ frame[:2]
+    return bool(_seen_around(body, origins, rays)[2].min() >= 3)
 
 
 def _longest_gap(there: Bool[np.ndarray, "angle"]) -> int:
