@@ -119,7 +119,7 @@ def inner_circlip() -> dict[str, Manifold]:
 
 
 def e_clip() -> dict[str, Manifold]:
-    """An E-clip in the groove of a pin: three prongs, put on from the side; it opens by 0.4 mm."""
+    """An E-clip in the groove of a pin: three prongs, put on from the side; it opens by 0.36 mm."""
     pin = rod(3.0, (-10.0, 10.0)) - ring(2.5, 4.0, (3.95, 4.75)) + rod(5.0, (-10.0, -6.0))
     clip = ring(3.6, 5.5, (4.0, 4.7)) + span((-5.0, -2.45), (-1.2, 1.2), (4.0, 4.7))
     for sign in (1.0, -1.0):
@@ -356,7 +356,7 @@ ELASTIC = tuple(
         (circlip, "ring", 0.38),
         (bought_circlip, "ring", 0.5),
         (inner_circlip, "ring", 0.5),
-        (e_clip, "ring", 0.4),
+        (e_clip, "ring", 0.36),
         (c_clip_on_rod, "ring", 0.5),
         (clamp_ring, "ring", 0.45),
         (spring_on_post, "spring", 0.4),

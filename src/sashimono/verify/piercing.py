@@ -16,7 +16,7 @@ from sashimono.geometry import se3
 from sashimono.verify.body import SampledBody
 from sashimono.verify.sweep import Screws
 
-_MAX_POSES = 160
+_MAX_POSES = 400
 _STEP = 0.5
 """Travel between two looks, over the depth that is declared."""
 _THROUGH = 2.3
@@ -38,7 +38,7 @@ def pierced_at(
     """
     if not len(contact):
         return None
-    for time in _times(moving, seen, float(contact.min()), float(contact.max()), depth):
+    for time in _times(moving, seen, contact, depth):
         T = seen.pose_at(time)
         if _goes_through(moving, fixed, T, least) and _goes_through(fixed, moving, se3.inverse(T), least):
             return float(time)
@@ -56,12 +56,19 @@ def _goes_through(first: SampledBody, second: SampledBody, T: Float[np.ndarray, 
     return bool(len(points)) and bool((second.thickness_at(points, depths) < _THROUGH * depths).any())
 
 
-def _times(moving: SampledBody, seen: Screws, first: float, last: float, depth: float) -> Float[np.ndarray, "n"]:
-    """Times from the first to the last, evenly spaced by the travel of the point that moves most."""
-    count = len(seen.angle)
+def _times(moving: SampledBody, seen: Screws, contact: Float[np.ndarray, "n"], depth: float) -> Float[np.ndarray, "look"]:
+    """Times of contact and near to it, evenly spaced by the travel of the point that moves most."""
+    count, first, last = len(seen.angle), float(contact.min()), float(contact.max())
     speed = np.linalg.norm(seen.shift, axis=1) + np.abs(seen.angle) * [moving.reach(p) for p in seen.point]
     marks = np.unique(np.concatenate([[first, last], np.arange(np.ceil(first), last)]))
     lengths = [(b - a) * speed[min(int(0.5 * (a + b)), count - 1)] for a, b in pairwise(marks)]
     travel = np.concatenate([[0.0], np.cumsum(lengths)])
-    looks = int(min(np.ceil(travel[-1] / (_STEP * depth)) + 1, _MAX_POSES))
-    return np.interp(np.linspace(0.0, travel[-1], max(looks, 2)), travel, marks)
+    step = _STEP * depth
+    grid = np.linspace(0.0, travel[-1], int(np.ceil(travel[-1] / step)) + 1)
+    touched = np.interp(np.sort(contact), marks, travel)
+    after = np.searchsorted(touched, grid).clip(1, max(len(touched) - 1, 1))
+    off = np.minimum(np.abs(grid - touched[after - 1]), np.abs(grid - touched[after.clip(max=len(touched) - 1)]))
+    looks = grid[off <= 2.0 * step]
+    if len(looks) > _MAX_POSES:
+        looks = looks[np.linspace(0.0, len(looks) - 1.0, _MAX_POSES).round().astype(int)]
+    return np.interp(looks, travel, marks)
