@@ -300,6 +300,24 @@ def boxed(gap: float, wall: float) -> Builder:
     return build
 
 
+def drawn_in(wall: float, base: float) -> Builder:
+    """A crank in a thin housing whose slots are narrower than its journals, as drawn, and narrower still above."""
+
+    def build() -> dict[str, Manifold]:
+        housing = span((-40, 40), (-25, 25), (-25, 14)) - span(
+            (-40 + wall, 40 - wall), (-25 + wall, 25 - wall), (-25 + base, 15)
+        )
+        housing -= span((-41, 41), (-3.9, 3.9), (-3.9, 15))
+        for sign in (1.0, -1.0):
+            lip = span((40 - wall, 40), (2.8, 5.0), (8, 12))
+            for side in (lip, lip.mirror((0.0, 1.0, 0.0))):
+                housing += side if sign > 0 else side.mirror((1.0, 0.0, 0.0))
+        crank = rod(6.0, (-48, 48)) + rod(15.0, (-5, 5))
+        return {"housing": housing, "crank": crank.rotate((0.0, 90.0, 0.0))}
+
+    return build
+
+
 def blocked_dovetail(step: float) -> Builder:
     """A slide in a dovetail groove with a step at both its ends."""
 
@@ -381,6 +399,7 @@ _ALIKE: tuple[tuple[str, Callable[..., Builder], tuple[tuple[float, ...], ...]],
     ("a ball in a socket", ball_in_socket, ((0.3,), (0.4,), (0.5,), (0.7,))),
     ("a loose round ring", loose_torus, ((1.0,), (1.5,), (2.0,), (3.0,))),
     ("a block in a box", boxed, ((0.1, 1.0), (0.5, 2.0), (0.2, 4.0))),
+    ("a crank drawn in", drawn_in, ((1.5, 1.5), (2.0, 6.0), (3.0, 3.0))),
     ("a blocked dovetail", blocked_dovetail, ((0.4,), (0.5,), (0.8,), (1.0,))),
     ("a thick helix", thick_coil, ((2.0,), (2.2,), (2.5,))),
     ("a collar in a bore", stepped_pin, ((0.3,), (0.4,), (0.5,), (0.6,), (0.8,), (1.0,), (1.5,))),

@@ -15,7 +15,11 @@ class FitConfig:
     """Of more parts that hold one another, none is looked at."""
     lines: int = 12
     """Lines along which a part is tried to be drawn out, both ways: the axes, its own, those of the others."""
-    accuracy: float = 0.02
+    max_travels: int = 1500
+    """Straight ways past one part that are followed, all together: a few seconds, of detailed meshes."""
+    max_ways: int = 12
+    """Ways out of which it is asked what gives, for each part that leaves: those with the least need."""
+    accuracy: float = 0.05
     """To which the depth that is needed is found, relative to it."""
     margin: float = 1.12
     """Declared depth over the one that is needed: between probes it may be greater."""
@@ -45,10 +49,12 @@ class FitConfig:
     """Largest deviation of its surface from a torus, over the radius of its section."""
     seal_around: float = 0.75
     """Share of the circle on which it must touch the other part."""
-    sheet: float = 0.06
+    sheet: float = 0.04
     """Thickest formed sheet, over its middle extent."""
     sheet_formed: float = 4.0
     """Least that its smallest extent is, over its thickness: a washer is flat."""
+    sheet_even: float = 0.8
+    """Least share of its surface under which it is about as thick as in the middle of all: castings are not."""
     sheet_filled: float = 0.4
     """Most of its convex hull that it fills."""
     sheet_free: float = 0.25

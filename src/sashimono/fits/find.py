@@ -52,6 +52,8 @@ class FitFinder:
         tube = TubeConfig(depth=(0.0, 2.0 * config.press_radius))
         self._shared = SharedBodies(parts, config=SharedConfig(tube=tube))
         self._shapes: dict[int, ElasticShape | None] = {}
+        self._travels = 0
+        """Ways past one part that were followed."""
 
     def find(self, remaining: int) -> tuple[DeclaredFit, ...]:
         """Return fits with which some, or all, of the remaining parts (a mask) come apart; none if nothing can give.
@@ -60,11 +62,12 @@ class FitFinder:
         can give, that with the least need is taken, and so on.
         """
         declared: dict[tuple[int, int], DeclaredFit] = {}
+        self._travels = 0
         if remaining.bit_count() > self.config.max_parts:
             return ()
         while remaining.bit_count() > 1:
             ways = sorted(self._ways(remaining), key=lambda way: (round(way.strain, 9), way.part))
-            for way in ways:
+            for way in ways[: self.config.max_ways]:
                 found = self._declared(way)
                 if found is not None:
                     for fit in found:
@@ -84,7 +87,10 @@ class FitFinder:
     def _ways(self, remaining: int) -> list[_Way]:
         """The straight ways out of all parts; only one, if there is one on which nothing has to give."""
         ways = []
-        for part in bits(remaining):
+        moving = bits(remaining)
+        if len(moving) == 2:  # what frees either of two parts frees both
+            moving = [min(moving, key=lambda k: (self._parts.sizes[k], k))]
+        for part in moving:
             others = bits(remaining & ~(1 << part))
             for direction in self._directions(part, others):
                 way = self._way(part, others, direction)
@@ -104,37 +110,39 @@ class FitFinder:
 
     def _way(self, part: int, others: list[int], direction: Float[np.ndarray, "3"]) -> _Way | None:
         """The way out of a part along a direction; None if something is in the way that cannot give so much."""
-        depths, strain = {}, 0.0
+        giving = []
         for _, other in self._parts.parts_ahead(part, np.zeros(3), direction, others):
-            if np.isinf(free_travel(self._parts, part, np.zeros(3), direction, other)):
-                continue
-            most = self._most(part, other)
-            depth = self._depth(part, other, direction, most)
-            if depth is None:
+            if self._travels >= self.config.max_travels:
                 return None
-            depths[other] = depth
-            strain = max(strain, depth / most)
+            if self._passes(part, other, direction, 0.0):
+                continue
+            most = self._most(part, other) / self.config.margin
+            if self._tolerated(part, other) >= most or not self._passes(part, other, direction, most):
+                return None
+            giving.append(other)
+        depths = {other: self._depth(part, other, direction) for other in giving}
+        strain = max((depth / self._most(part, other) for other, depth in depths.items()), default=0.0)
         return _Way(part=part, direction=direction, depths=depths, strain=strain)
 
-    def _depth(self, part: int, other: int, direction: Float[np.ndarray, "3"], most: float) -> float | None:
-        """How deep a part goes into another on its straight way, to the accuracy; None if deeper than ``most``."""
-        parts, config = self._parts, self.config
-        tolerated = float(parts.overlaps[part, other]) + parts.bare(part, other)
-
-        def passes(depth: float) -> bool:
-            pair = parts.with_fits({(part, other): depth})
-            return bool(np.isinf(free_travel(pair, part, np.zeros(3), direction, other)))
-
-        most /= config.margin
-        if tolerated >= most or not passes(most):
-            return None
-        low, high = tolerated, most
-        if passes(low):  # the tolerated depth, but too far from where the two overlap, or after they have parted
-            return low
-        while high - low > config.accuracy * high:
+    def _depth(self, part: int, other: int, direction: Float[np.ndarray, "3"]) -> float:
+        """How deep a part goes into one that can give on its straight way [m], to the accuracy."""
+        low, high = self._tolerated(part, other), self._most(part, other) / self.config.margin
+        if self._passes(part, other, direction, low):
+            return low  # no deeper than tolerated, but too far from where the two overlap, or after they have parted
+        while high - low > self.config.accuracy * high:
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if passes(middle) else (middle, high)
+            low, high = (low, middle) if self._passes(part, other, direction, middle) else (middle, high)
         return high
+
+    def _passes(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float) -> bool:
+        """Whether a part goes straight past another if the two may go so deep into each other."""
+        self._travels += 1
+        pair = self._parts.with_fits({(part, other): depth}) if depth > 0.0 else self._parts
+        return bool(np.isinf(free_travel(pair, part, np.zeros(3), direction, other)))
+
+    def _tolerated(self, part: int, other: int) -> float:
+        """The depth that needs no fit [m], near to where two parts overlap."""
+        return float(self._parts.overlaps[part, other]) + self._parts.bare(part, other)
 
     def _most(self, a: int, b: int) -> float:
         """The most that a pair can give, by its sizes and shapes [m]."""

@@ -218,6 +218,10 @@ def _formed_sheet(body: Body, config: FitConfig) -> ElasticShape | None:
     filled = abs(body.mass_properties.volume) / float(body.hull.volume)
     if thickness > config.sheet * middle or filled > config.sheet_filled or body.wall > 1.5 * thickness:
         return None
+    starts = body.samples - 1e-6 * body.radius * body.sample_normals
+    across, _ = cast_rays(body.signed_distance, starts, -body.sample_normals, side="leaving")
+    if (np.abs(across - np.median(across)) < 0.2 * np.median(across)).mean() < config.sheet_even:
+        return None
     if float(body.extents[0]) < config.sheet_formed * thickness or topology.shells(body.faces).max() > 0:
         return None
     free = config.sheet_free * middle

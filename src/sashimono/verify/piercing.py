@@ -56,7 +56,9 @@ def _goes_through(first: SampledBody, second: SampledBody, T: Float[np.ndarray, 
     return bool(len(points)) and bool((second.thickness_at(points, depths) < _THROUGH * depths).any())
 
 
-def _times(moving: SampledBody, seen: Screws, contact: Float[np.ndarray, "n"], depth: float) -> Float[np.ndarray, "look"]:
+def _times(
+    moving: SampledBody, seen: Screws, contact: Float[np.ndarray, "n"], depth: float
+) -> Float[np.ndarray, "look"]:
     """Times of contact and near to it, evenly spaced by the travel of the point that moves most."""
     count, first, last = len(seen.angle), float(contact.min()), float(contact.max())
     speed = np.linalg.norm(seen.shift, axis=1) + np.abs(seen.angle) * [moving.reach(p) for p in seen.point]
