@@ -26,7 +26,7 @@ from sashimono.disassembly.sequence.order import Orderer
 from sashimono.disassembly.sequence.products import Products
 from sashimono.errors import SashimonoError
 from sashimono.fits.config import FitConfig
-from sashimono.fits.find import FitFinder
+from sashimono.fits.find import find_fits, planned_depths
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
@@ -159,8 +159,7 @@ def plan_assembly(
             best, products = replace(flat, taken=taken), side_by_side
     fits = _find_fits(cascade, best, config, clock)
     if fits:
-        depths = {_pair(assembly, fit): config.fits.planned * fit.depth for fit in fits}
-        giving = cascade.with_fits(depths)
+        giving = cascade.with_fits(planned_depths(assembly, fits, config=config.fits))
         bending = Orderer(giving, bodies, config=sequence, stability=config.stability)
         found = _best_attempt(planner, verifier, giving, bending, products, config, seed, progress, fits)
         if found.worth[0] > best.worth[0]:
@@ -333,18 +332,11 @@ def _attempt(
 
 def _find_fits(cascade: Cascade, best: _Attempt, config: PipelineConfig, clock: _Clock) -> tuple[DeclaredFit, ...]:
     """Return the fits with which the parts that hold one another may come apart; none where nothing is left over."""
-    found = best.taken.found
     if not (best.unsolved and config.fits.enabled and config.method == "cascade"):
         return ()
-    index = cascade.assembly.index
-    remaining = sum(1 << k for k in {found.base, *(index(entry.part) for entry in best.unsolved)})
     with clock.stage("fits"):
-        return FitFinder(cascade.parts, config=config.fits).find(remaining)
-
-
-def _pair(assembly: Assembly, fit: DeclaredFit) -> tuple[int, int]:
-    first, second = (assembly.index(name) for name in fit.parts)
-    return first, second
+        unsolved = [entry.part for entry in best.unsolved]
+        return find_fits(cascade.parts, best.taken.found, unsolved, config=config.fits)
 
 
 def _needed(

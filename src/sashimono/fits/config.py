@@ -16,7 +16,7 @@ class FitConfig:
     lines: int = 12
     """Lines along which a part is tried to be drawn out, both ways: the axes, its own, those of the others."""
     max_travels: int = 1500
-    """Straight ways past one part that are followed, all together: a few seconds, of detailed meshes."""
+    """Straight ways past one part that are followed, for each set of parts: a few seconds, of detailed meshes."""
     max_ways: int = 12
     """Ways out of which it is asked what gives, for each part that leaves: those with the least need."""
     accuracy: float = 0.05

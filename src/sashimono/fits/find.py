@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.assembly import Assembly
 from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
+from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.shared_bodies import SharedBodies, SharedConfig
 from sashimono.fits.arms import find_arm
 from sashimono.fits.config import FitConfig
@@ -42,6 +45,39 @@ class _Told:
     words: str
     give: float
     """How far it could [m]."""
+
+
+def find_fits(
+    parts: PlacedParts, found: DisassemblyResult, unsolved: Collection[str], *, config: FitConfig
+) -> tuple[DeclaredFit, ...]:
+    """Return the fits with which what is left over may come apart, on the top level and inside subassemblies.
+
+    Args:
+        parts: The placed parts.
+        found: How far they came apart.
+        unsolved: Names of all parts that have no motion: of those that came apart, it was refuted.
+        config: What can give.
+    """
+    levels = (found, *(d.inside for d in found.departures() if d.inside is not None))
+    held = [{level.base, *(part for part, _ in level.stuck)} for level in levels]
+    held[0] |= {parts.assembly.index(name) for name in unsolved}.difference(*held)
+    finder = FitFinder(parts, config=config)
+    fits: dict[frozenset[str], DeclaredFit] = {}
+    for group in held:
+        for fit in finder.find(sum(1 << part for part in group)):
+            fits.setdefault(frozenset(fit.parts), fit)
+    return tuple(fits.values())
+
+
+def planned_depths(
+    assembly: Assembly, fits: Sequence[DeclaredFit], *, config: FitConfig
+) -> dict[tuple[int, int], float]:
+    """Return by pair, as positions of its parts, how deep level 1 may let the two go into each other [m]."""
+    depths = {}
+    for fit in fits:
+        first, second = (assembly.index(name) for name in fit.parts)
+        depths[first, second] = config.planned * fit.depth
+    return depths
 
 
 class FitFinder:
