@@ -15,8 +15,8 @@ class FitConfig:
     """Of more parts that hold one another, none is looked at."""
     lines: int = 12
     """Lines along which a part is tried to be drawn out, both ways: the axes, its own, those of the others."""
-    max_travels: int = 1500
-    """Straight ways past one part that are followed, for each set of parts: a few seconds, of detailed meshes."""
+    max_traced: int = 4_000_000
+    """Points that are followed past another part, for each set of parts: a few seconds."""
     max_ways: int = 12
     """Ways out of which it is asked what gives, for each part that leaves: those with the least need."""
     accuracy: float = 0.05
@@ -69,5 +69,16 @@ class FitConfig:
     """Shortest arm, free length over thickness."""
     arm_thickens: float = 2.2
     """Where what bends is thicker than this, over where it is thinnest, it ends."""
+    through: float = 2.4
+    """Where both parts are no thicker than this, over how deep the other one is in there, one slips through the other:
+    in the middle of a wall it is 2."""
+    pressed_deep: float = 0.5
+    """Places less deep than this, over the deepest, are not looked at."""
+    pressed_near: float = 6.0
+    """Points nearer to one another than this, over the depth, and ..."""
+    pressed_alike: float = 0.7
+    """... whose pushes have at least this cosine, are one place."""
+    pressed_opposite: float = 0.6
+    """Places nearer to the back of one than this, over the thickness there, are opposite to it: it is squeezed."""
     arm_places: int = 16
     """Most places at which the arms of one part are looked at."""

@@ -88,8 +88,8 @@ class FitFinder:
         tube = TubeConfig(depth=(0.0, 2.0 * config.press_radius))
         self._shared = SharedBodies(parts, config=SharedConfig(tube=tube))
         self._shapes: dict[int, ElasticShape | None] = {}
-        self._travels = 0
-        """Ways past one part that were followed."""
+        self._traced = 0
+        """Points followed past another part."""
 
     def find(self, remaining: int) -> tuple[DeclaredFit, ...]:
         """Return fits with which some, or all, of the remaining parts (a mask) come apart; none if nothing can give.
@@ -98,7 +98,7 @@ class FitFinder:
         can give, that with the least need is taken, and so on.
         """
         declared: dict[tuple[int, int], DeclaredFit] = {}
-        self._travels = 0
+        self._traced = 0
         if remaining.bit_count() > self.config.max_parts:
             return ()
         while remaining.bit_count() > 1:
@@ -148,7 +148,7 @@ class FitFinder:
         """The way out of a part along a direction; None if something is in the way that cannot give so much."""
         giving = []
         for _, other in self._parts.parts_ahead(part, np.zeros(3), direction, others):
-            if self._travels >= self.config.max_travels:
+            if self._traced >= self.config.max_traced:
                 return None
             if self._passes(part, other, direction, 0.0):
                 continue
@@ -172,7 +172,7 @@ class FitFinder:
 
     def _passes(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float) -> bool:
         """Whether a part goes straight past another if the two may go so deep into each other."""
-        self._travels += 1
+        self._traced += len(self._parts.bodies[part].probes) + len(self._parts.bodies[other].probes)
         pair = self._parts.with_fits({(part, other): depth}) if depth > 0.0 else self._parts
         return bool(np.isinf(free_travel(pair, part, np.zeros(3), direction, other)))
 
@@ -205,7 +205,7 @@ class FitFinder:
         parts, fits = self._parts, []
         for other, depth in way.depths.items():
             found = self._told(way.part, other, way.direction, depth)
-            if found is None or slips_through(parts, way.part, other, way.direction, depth):
+            if found is None or slips_through(parts, way.part, other, way.direction, depth, config=self.config):
                 return None
             declared = max(self.config.margin * depth, parts.limit(way.part, other, 1.05 * parts.tolerances.plan))
             names = [parts.assembly.names[k] for k in (found.part, way.part + other - found.part)]
@@ -216,7 +216,7 @@ class FitFinder:
 
     def _told(self, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float) -> _Told | None:
         """What kind of fit two parts have, which of them gives, and what it is; None if none is told."""
-        found = pressed(self._parts, part, other, direction, depth)
+        found = pressed(self._parts, part, other, direction, depth, config=self.config)
         sides = ((part, other, found[0]), (other, part, found[1]))
         for giving, rigid, where in sides:
             shape = self._shape(giving)
@@ -261,12 +261,12 @@ class FitFinder:
         body, obstacle, arms = self._parts.bodies[giving], self._parts.bodies[rigid], []
         if not where:
             return None
-        for entry in places(where, self.config.arm_places):
+        for entry in places(where, config=self.config):
             found = find_arm(body, entry.point, entry.push, entry.depth, config=self.config)
             if found is None or found[0].give < entry.depth:
                 return None
             arm, back = found
-            if not entry.room_behind(back, obstacle) or is_squeezed(entry, back, where):
+            if not entry.room_behind(back, obstacle) or is_squeezed(entry, back, where, config=self.config):
                 return None
             arms.append(arm)
         arm = min(arms, key=lambda arm: arm.give)

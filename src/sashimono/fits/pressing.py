@@ -8,19 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.disassembly.placed_parts import PlacedParts
+from sashimono.fits.config import FitConfig
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
 from sashimono.geometry.distance.rays import cast_rays
 
 _STEPS = 96
-_DEEP = 0.5
-"""Places less deep than this, over the deepest, do not count."""
-_NEAR = 6.0
-"""Points nearer than this, over the depth, and ..."""
-_ALIKE = 0.7
-"""... whose pushes have at least this cosine, are one place."""
-_OPPOSITE = 0.6
-"""Places nearer to the back of one than this, over the thickness there, are opposite to it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +40,7 @@ class Pressed:
 
 
 def pressed(
-    parts: PlacedParts, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float
+    parts: PlacedParts, part: int, other: int, direction: Float[np.ndarray, "3"], depth: float, *, config: FitConfig
 ) -> tuple[list[Pressed], list[Pressed]]:
     """Return where a part presses on another on its straight way out, and where that presses on it.
 
@@ -57,6 +50,7 @@ def pressed(
         other: The part that stays.
         direction: Of the motion, unit, world frame.
         depth: How deep the two go into each other at most [m].
+        config: Which places count.
     """
     a, b = parts.bodies[part], parts.bodies[other]
     length = max(float(parts.bounds_along(other, direction)[1] - parts.bounds_along(part, direction)[0]), 0.0)
@@ -66,13 +60,18 @@ def pressed(
     travels = length * (np.arange(_STEPS) + 0.5) / _STEPS
     poses = [se3.make(None, travel * along_b) @ T_b_a for travel in travels]
     return (
-        _deepest(a, b, poses, along_a, depth),
-        _deepest(b, a, [se3.inverse(T) for T in poses], along_b, depth),
+        _deepest(a, b, poses, along_a, depth, config.pressed_deep),
+        _deepest(b, a, [se3.inverse(T) for T in poses], along_b, depth, config.pressed_deep),
     )
 
 
 def _deepest(
-    body: Body, other: Body, poses: list[Float[np.ndarray, "4 4"]], along: Float[np.ndarray, "3"], most: float
+    body: Body,
+    other: Body,
+    poses: list[Float[np.ndarray, "4 4"]],
+    along: Float[np.ndarray, "3"],
+    most: float,
+    share: float,
 ) -> list[Pressed]:
     """Where a body's probes are deepest in the other one, of all poses of it in the other's frame."""
     depths, when = np.zeros(len(body.probes)), np.zeros(len(body.probes), dtype=int)
@@ -84,7 +83,7 @@ def _deepest(
         deeper = near[found > depths[near]]
         depths[deeper], when[deeper] = found[found > depths[near]], k
     out = []
-    for k in np.flatnonzero(depths > _DEEP * max(depths.max(initial=0.0), 1e-12)):
+    for k in np.flatnonzero(depths > share * max(depths.max(initial=0.0), 1e-12)):
         T = poses[when[k]]
         _, gradient = other.signed_distance.normals(se3.apply(T, body.probes[k : k + 1]), np.inf)
         # outwards, and across the motion
@@ -98,8 +97,8 @@ def _deepest(
     return out
 
 
-def places(where: list[Pressed], most: int) -> list[Pressed]:
-    """Return one for each place where a part is pressed, the deepest first; at most so many, spread over the part.
+def places(where: list[Pressed], *, config: FitConfig) -> list[Pressed]:
+    """Return one for each place where a part is pressed, the deepest first; so many at most, spread over the part.
 
     Those that are near to one another and pushed alike are one place: its middle, with their mean push and their
     greatest depth. At a corner by itself one would look past the part.
@@ -108,8 +107,8 @@ def places(where: list[Pressed], most: int) -> list[Pressed]:
     groups: list[list[Pressed]] = []
     for entry in ordered:
         for group in groups:
-            near = np.linalg.norm(entry.point - group[0].point) < _NEAR * group[0].depth
-            if near and entry.push @ group[0].push > _ALIKE:
+            near = np.linalg.norm(entry.point - group[0].point) < config.pressed_near * group[0].depth
+            if near and entry.push @ group[0].push > config.pressed_alike:
                 group.append(entry)
                 break
         else:
@@ -117,15 +116,15 @@ def places(where: list[Pressed], most: int) -> list[Pressed]:
     merged = [_merged(group) for group in groups]
     points = np.array([entry.point for entry in merged])
     chosen, gaps = [0], np.linalg.norm(points - points[0], axis=1)
-    while len(chosen) < min(most, len(merged)) and gaps.max() > 0.0:
+    while len(chosen) < min(config.arm_places, len(merged)) and gaps.max() > 0.0:
         chosen.append(int(np.argmax(gaps)))
         gaps = np.minimum(gaps, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return [merged[k] for k in chosen]
 
 
-def is_squeezed(entry: Pressed, back: Float[np.ndarray, "3"], where: list[Pressed]) -> bool:
+def is_squeezed(entry: Pressed, back: Float[np.ndarray, "3"], where: list[Pressed], *, config: FitConfig) -> bool:
     """Return whether the part is pressed from behind as well, at its back opposite to a place: a post in a ring."""
-    reach = _OPPOSITE * float(np.linalg.norm(back - entry.point))
+    reach = config.pressed_opposite * float(np.linalg.norm(back - entry.point))
     return any(
         other.push @ entry.push < -0.5 and np.linalg.norm(other.point - back) < reach + entry.depth for other in where
     )

@@ -30,6 +30,9 @@ class VerifyConfig:
     """Most that a fit with such a part may be deep, over twice its volume over its surface, ..."""
     give_extent: float = 0.1
     """... and over its middle extent."""
+    relative_through: float = 2.3
+    """Thickness of a part, over how deep the other one is in it there, up to which, in both parts at once, one slips
+    through the other: in the middle of a wall it is 2. No declared fit excuses that."""
     samples: int = 3000
     """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
     relative_resolution: float = 0.125

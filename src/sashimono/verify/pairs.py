@@ -239,8 +239,15 @@ class _Pair:
 
     def pierced_at(self, found: Sweep) -> float | None:
         """Return the first time at which one of the two has gone through the other; None if neither has."""
-        least = 0.5 * pair_tolerance(self._moving, self._fixed, self._config)
-        return pierced_at(self._moving, self._fixed, self._seen, found.near, least, self._tolerance)
+        return pierced_at(
+            self._moving,
+            self._fixed,
+            self._seen,
+            found.near,
+            least=0.5 * pair_tolerance(self._moving, self._fixed, self._config),
+            depth=self._tolerance,
+            through=self._config.relative_through,
+        )
 
     def far_off(self, excuse: Excuse, time: float) -> bool:
         """Return whether, at this time, the intersection body is too deep too far from the overlap as assembled."""

@@ -19,12 +19,17 @@ from sashimono.verify.sweep import Screws
 _MAX_POSES = 400
 _STEP = 0.5
 """Travel between two looks, over the depth that is declared."""
-_THROUGH = 2.3
-"""Thickness over depth, below which a place counts as gone through: in the middle of a wall it is 2."""
 
 
 def pierced_at(
-    moving: SampledBody, fixed: SampledBody, seen: Screws, contact: Float[np.ndarray, "n"], least: float, depth: float
+    moving: SampledBody,
+    fixed: SampledBody,
+    seen: Screws,
+    contact: Float[np.ndarray, "n"],
+    *,
+    least: float,
+    depth: float,
+    through: float,
 ) -> float | None:
     """Return the first time looked at, in stretches, at which one part goes through the other; None if there is none.
 
@@ -35,17 +40,22 @@ def pierced_at(
         contact: Times at which the two were found to touch.
         least: Depth up to which no place counts [m]: no wall is so thin.
         depth: How deep they may go into each other [m].
+        through: Thickness over depth, up to which a place is gone through.
     """
     if not len(contact):
         return None
     for time in _times(moving, seen, contact, depth):
         T = seen.pose_at(time)
-        if _goes_through(moving, fixed, T, least) and _goes_through(fixed, moving, se3.inverse(T), least):
+        if not _goes_through(moving, fixed, T, least, through):
+            continue
+        if _goes_through(fixed, moving, se3.inverse(T), least, through):
             return float(time)
     return None
 
 
-def _goes_through(first: SampledBody, second: SampledBody, T: Float[np.ndarray, "4 4"], least: float) -> bool:
+def _goes_through(
+    first: SampledBody, second: SampledBody, T: Float[np.ndarray, "4 4"], least: float, through: float
+) -> bool:
     """Whether some sample of the first body is deep in the second where that is hardly more than twice as thick."""
     points = se3.apply(T, first.tree.leaves)
     points = points[second.box_distance(points) <= 0.0]
@@ -53,7 +63,7 @@ def _goes_through(first: SampledBody, second: SampledBody, T: Float[np.ndarray, 
         return False
     depths = -second.distance(points)
     points, depths = points[depths > least], depths[depths > least]
-    return bool(len(points)) and bool((second.thickness_at(points, depths) < _THROUGH * depths).any())
+    return bool(len(points)) and bool((second.thickness_at(points, depths) < through * depths).any())
 
 
 def _times(
