@@ -27,7 +27,7 @@ LEVELS = [
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
-    {"stability", "fasteners"},
+    {"stability", "fasteners", "bearings"},
     {"examination"},
     {"disassembly"},
     {"motion"},
@@ -88,7 +88,18 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree", "bought"}
+ALGORITHMS = {
+    "geometry",
+    "stability",
+    "fasteners",
+    "disassembly",
+    "motion",
+    "contact",
+    "tree",
+    "bought",
+    "bearings",
+    "caged",
+}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

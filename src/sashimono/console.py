@@ -80,7 +80,8 @@ PLANNED = {
 def _product_lines(plan: AssemblyPlan) -> Iterator[str]:
     """One for each product of the input's tree: what became of it, and why."""
     for entry in plan.source.kept:
-        yield f"product {entry.product}: one part, {entry.reason}"
+        what = f"{entry.product}: {len(entry.members)} parts are" if entry.members else f"product {entry.product}:"
+        yield f"{what} one part, {entry.reason}"
     for entry in plan.products:
         yield f"product {entry.name}: {PLANNED[entry.planned]}{f' ({entry.reason})' if entry.reason else ''}"
 
