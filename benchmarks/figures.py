@@ -5,6 +5,8 @@
     python benchmarks/level1.py --generated 5 10 20 40 --json benchmarks/results/level1.json
     python benchmarks/level1.py --single --json benchmarks/results/level1_single.json
     python benchmarks/contact.py --grippers
+    python benchmarks/motion.py --truth --json benchmarks/results/motion_truth.json
+    python benchmarks/motion.py --rrt 6
     python benchmarks/figures.py
 
 Replaces what stands between the figures markers of README.md; a missing result is an error.
@@ -19,6 +21,8 @@ from common import REPOSITORY, table
 
 BEGIN, END = "<!-- figures:begin -->", "<!-- figures:end -->"
 RESULTS = REPOSITORY / "benchmarks" / "results"
+REAL_UNITS = ("mechanical", "pairs")
+"""Kinds whose files say how large things are: furniture and puzzles are drawn in units of no meaning."""
 
 
 def main() -> None:
@@ -31,8 +35,10 @@ def main() -> None:
 
 def figures() -> str:
     """Return the figures section."""
-    names = ("truth", "real_cad", "speed", "level1_single", "level1", "contact")
-    truth, real, speed, single, level1, contact = (load(RESULTS / f"{name}.json") for name in names)
+    names = ("truth", "real_cad", "speed", "level1_single", "level1", "contact", "motion", "motion_truth")
+    truth, real, speed, single, level1, contact, motion, motion_truth = (
+        load(RESULTS / f"{name}.json") for name in names
+    )
     where = real["machine"]
     rows = [
         [
@@ -66,9 +72,11 @@ def figures() -> str:
             f"(`python benchmarks/truth.py`; {taken(truth)}): {free} false “free”, {blocked} false “blocked”, "
             f"{disputed} disputed (the table is wrong, by a motion that the verifier and exact booleans confirm). Of "
             f"the {clauses} clauses' witness motions the verifier refutes {refuted}.",
+            motions(motion, motion_truth["summary"]),
             "Contacts of the same assemblies' steps that have a motion, with fingertips, and how many of them a real "
-            "tool can do all the way; wrong: refuted by the check, normals off by more than 5° included; milliseconds "
-            f"of level 3 a step, one thread (`python benchmarks/contact.py --grippers`; {taken(contact)}):",
+            "tool can do all the way (where the files have real units); wrong: refuted by the check, normals off by "
+            "more than 5° included; milliseconds of level 3 a step, one thread "
+            f"(`python benchmarks/contact.py --grippers`; {taken(contact)}):",
             contacts(contact["summary"]),
             "Removal conditions and a first order, one process, warm, processor time, generated assemblies of five "
             f"families (first row: `python benchmarks/level1.py --single`, {taken(single)}; the others, slower beyond, "
@@ -97,12 +105,32 @@ def figures() -> str:
     )
 
 
+def motions(motion: dict, truth: dict) -> str:
+    """Return the figures of level 2, beside RRT-Connect alone."""
+    said, (step, found) = motion["summary"], ("steps with a removal", "steps with a motion")
+    given = next(key for key in said if key.startswith("steps given to RRT-Connect (ours)"))
+    seconds = given.split(", ")[1]
+    return (
+        f"Motions from the tray to the assembled pose (`python benchmarks/motion.py --rrt 6`; {taken(motion)}): "
+        f"{said[found]} of {said[step]} steps that have a removal on real CAD, {truth[found]} of {truth[step]} of the "
+        f"truth set; all motions of an assembly take {1e3 * said['median s an assembly']:.0f} ms in the median, "
+        f"{said['p99 s']:.1f} s at the 99th percentile, {said['worst s']:.1f} s at worst. Given the {said[given]} "
+        f"steps of the small ones from the same resting poses, with {seconds}, RRT-Connect alone finds "
+        f"{said['found by RRT-Connect (ours)']}, OMPL's with our collision check "
+        f"{said['found by RRT-Connect (ompl)']}."
+    )
+
+
 def contacts(summary: dict) -> str:
-    """Return the table of contacts: the real tools' shares are of all steps of their kind."""
+    """Return the table of contacts: real tools' shares of all steps of a kind, where the set has real units."""
     fixed = ("steps", "contact", "grasp", "taken over", "push", "wrong", "median ms")
     tools = [name for name in next(iter(summary.values())) if name not in fixed]
     rows = [
-        [kind, *(row[name] for name in fixed), *(f"{100 * row[name] / row['steps']:.0f} %" for name in tools)]
+        [
+            kind,
+            *(row[name] for name in fixed),
+            *(f"{100 * row[name] / row['steps']:.0f} %" if kind in REAL_UNITS else "" for name in tools),
+        ]
         for kind, row in summary.items()
     ]
     return table(("kind", *fixed, *tools), rows)

@@ -1,7 +1,8 @@
 """Level 2 on real assemblies: seconds for all motions, and the same steps by RRT-Connect alone, ours and OMPL's.
 
     python benchmarks/motion.py --json benchmarks/results/motion.json
-    python benchmarks/motion.py --rrt 8 --json benchmarks/results/motion.json     (`pip install ompl` for its row)
+    python benchmarks/motion.py --truth --json benchmarks/results/motion_truth.json
+    python benchmarks/motion.py --rrt 6 --json benchmarks/results/motion.json     (`pip install ompl` for its row)
 
 Each assembly is planned as `sashimono plan` does it. Counted are the steps of its plan, and the parts without one for
 want of a motion; seconds are of all attempts, subassemblies included. With
@@ -50,9 +51,10 @@ def main() -> None:
         help="assemblies of at most N parts: also RRT-Connect, ours and OMPL's",
     )
     options.add_argument("--seconds", type=float, default=5.0, help="time of each such search")
+    options.add_argument("--truth", action="store_true", help="the truth set instead of real CAD")
     arguments = options.parse_args()
     assemblies, steps = [], []
-    for folder in chosen(SHARED / "assemblies", arguments.names):
+    for folder in chosen(SHARED / ("truth" if arguments.truth else "assemblies"), arguments.names):
         row, own = measure(folder, arguments)
         assemblies.append(row)
         steps += own
@@ -79,7 +81,7 @@ def measure(folder: Path, arguments: Any) -> tuple[dict[str, Any], list[dict[str
         plan = plan_assembly(assembly, config=PipelineConfig(contacts=False))
     finally:
         tree.plan_motions = plan_motions
-    steps = [inner for step in plan.steps for inner in step.all_steps if len(inner.motion.T_world_part) > 1]
+    steps = [step for step in plan.all_steps if len(step.motion.T_world_part) > 1]
     missed = {entry.part: entry.reason for _, found, *_ in calls for entry in found.unsolved}
     failed = [f"{entry.part}: {missed[entry.part]}" for entry in plan.unsolved if entry.part in missed]
     row = {

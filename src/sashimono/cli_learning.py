@@ -39,6 +39,9 @@ def train(
     minutes: Annotated[
         float | None, typer.Option(min=0.0, metavar="N", help="train that long, whatever the steps")
     ] = None,
+    processor_time: Annotated[
+        bool, typer.Option("--processor-time", help="count --minutes by processor time, not by the clock")
+    ] = False,
     steps: Annotated[int | None, typer.Option(min=1, metavar="N", help="steps, instead of the configuration's")] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="seed, instead of the configuration's")] = None,
     data: Data = "v1",
@@ -57,6 +60,8 @@ def train(
 
     if (config is None) == (campaign is None):
         raise SashimonoError("train takes either CONFIG or --campaign NAME. Give one of them.")
+    if processor_time and (campaign is not None or minutes is None):
+        raise SashimonoError("--processor-time counts the --minutes of one CONFIG. Give both, or leave it out.")
     refuse_unwritable(out)
     if campaign is not None:
         if minutes is None:
@@ -66,8 +71,8 @@ def train(
         )
     assert config is not None
     return train_command(
-        config, out, data=data, steps=steps, minutes=minutes, seed=seed, start=start, cache=cache, device=device,
-        workers=workers, say=say,
+        config, out, data=data, steps=steps, minutes=minutes, processor_time=processor_time, seed=seed, start=start,
+        cache=cache, device=device, workers=workers, say=say,
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ class PipelineConfig:
     max_attempts: int = 6
     """Most sequences that are tried, the first two of them in the order that is searched for. Where a motion fails or
     is refuted, the next one does without that direction."""
-    contact_attempts: int = 1
+    contact_attempts: int = 3
     """Of these, sequences tried for the sake of contacts alone: every motion holds, but for some step there is no
     contact, so that its departure is refused in the next. The plan with most parts, then with most contacts, is taken.
     """

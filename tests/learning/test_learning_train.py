@@ -373,3 +373,12 @@ train_command({str(tiny)!r}, Path({str(tmp_path / "run")!r}), data=partial(toy_d
     card = read_weights(tmp_path / "run" / "weights.npz").card
     assert card["steps"] == 4
     assert card["states"] == 4 * 2 * 4 * 2
+
+
+def test_minutes_of_processor_time_leave_out_what_else_the_machine_does(
+    cache: CloudCache, tiny: Path, tmp_path: Path
+) -> None:
+    seconds = iter(range(100))
+    done = run(read_config(str(tiny), steps=10_000), cache, tmp_path / "run", minutes=0.5, clock=lambda: next(seconds))
+    assert done.minutes >= 0.5
+    assert done.steps < 40

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -49,6 +50,7 @@ def train_command(
     data: str | Callable[[], Dataset] = "v1",
     steps: int | None = None,
     minutes: float | None = None,
+    processor_time: bool = False,
     seed: int | None = None,
     start: Path | None = None,
     cache: Path | None = None,
@@ -69,6 +71,7 @@ def train_command(
         data: A dataset's name or folder, or what returns it.
         steps: Instead of the configuration's.
         minutes: Train that long, whatever the steps.
+        processor_time: Count ``minutes`` by the processor time of this process, all threads together.
         seed: Instead of the configuration's.
         start: Weights to begin with.
         cache: Folder for clouds; ``out`` if not given.
@@ -93,13 +96,14 @@ def train_command(
         torch.set_num_threads(threads)
     changes = {"steps": steps, "seed": seed}
     asked = read_config(config, **{name: value for name, value in changes.items() if value is not None})
+    clock = time.process_time if processor_time else time.perf_counter
     # what was asked for is looked at before the clouds are sampled, which takes long
     refuse_device(device)
     began = None if start is None or asked.kind == BY_REWARD else read_weights(start).state
     if asked.kind == BY_REWARD:
         return _train_by_reward(
-            asked, out, data=data, minutes=minutes, start=start, cache=cache, device=device, workers=workers,
-            clouds=clouds, say=say,
+            asked, out, data=data, minutes=minutes, clock=clock, start=start, cache=cache, device=device,
+            workers=workers, clouds=clouds, say=say,
         )  # fmt: skip
     dataset = data() if callable(data) else load_data(data)
     with find_place(device) as place:
@@ -115,6 +119,7 @@ def train_command(
             out,
             place=place,
             minutes=minutes,
+            clock=clock,
             start=began,
             card={"data": dataset.hash},
             report=lambda row: say(_line(row)),
@@ -137,6 +142,7 @@ def _train_by_reward(
     *,
     data: str | Callable[[], Dataset],
     minutes: float | None,
+    clock: Callable[[], float],
     start: Path | None,
     cache: Path | None,
     device: str | None,
@@ -165,6 +171,7 @@ def _train_by_reward(
             out,
             device=place.device,
             minutes=minutes,
+            clock=clock,
             start=None if start is None else read_weights(start).state,
             card={"data": dataset.hash},
             report=lambda row: say(_line(row)),

@@ -166,8 +166,9 @@ class Block(nn.Module):
         if self.updates_target:
             self.target_cross = Attention(config, cross=True)
 
-    def forward(self, target: Tensor, parts: Tensor, remain: Tensor) -> tuple[Tensor, Tensor]:
-        target = self.target_self(target, None, None)
+    def forward(self, target: Tensor, parts: Tensor, remain: Tensor, *, states: int = 1) -> tuple[Tensor, Tensor]:
+        """Return both after the block; ``target`` is repeated for so many states once it has looked at itself."""
+        target = self.target_self(target, None, None).repeat_interleave(states, dim=0)
         parts = self.parts_self(parts, None, remain)
         after = self.target_cross(target, parts, remain) if self.updates_target else target
         parts = self.parts_cross(parts, target if self.parallel else after, None)
@@ -227,10 +228,11 @@ class Past(nn.Module):
     def _refine(self, encoded: PastEncoded, remaining: Tensor) -> tuple[Tensor, Tensor]:
         """Return features of points (B, S, Nt, h) and parts (B, S, M, h) after all blocks."""
         states = remaining.shape[1]
-        target, parts = (x.repeat_interleave(states, dim=0) for x in (encoded.target, encoded.parts))
+        target, parts = encoded.target, encoded.parts.repeat_interleave(states, dim=0)
         remain = remaining.flatten(0, 1)[:, None, None]
-        for block in self.blocks:
-            target, parts = block(target, parts, remain)
+        for k, block in enumerate(self.blocks):
+            # what the blueprint sees of itself in the first block is the same in all states
+            target, parts = block(target, parts, remain, states=states if k == 0 else 1)
         shape = remaining.shape[:2]
         return target.unflatten(0, shape), self.norm_parts(parts).unflatten(0, shape)
 

@@ -31,6 +31,9 @@ WEIGHTS = "weights.npz"
 Row = dict[str, int | float]
 """A line of the log, by column."""
 
+Clock = Callable[[], float]
+"""Seconds since some moment: of the wall, or of this process on its processors."""
+
 log = logging.getLogger(__name__)
 
 
@@ -89,6 +92,7 @@ def train(
     *,
     place: Place,
     minutes: float | None = None,
+    clock: Clock = time.perf_counter,
     start: Mapping[str, Tensor] | None = None,
     clouds: DeviceClouds | None = None,
     card: Mapping[str, Any] | None = None,
@@ -106,6 +110,7 @@ def train(
         out: Folder to write into.
         place: Device and share of this process.
         minutes: Train that long, whatever the steps; the cycle follows the clock.
+        clock: What ``minutes`` are counted by, in seconds.
         start: Weights to begin with, instead of random ones.
         clouds: The cache's arrays on the device, if they are there already.
         card: What else the weights' card says: the dataset's hash, what was trained before.
@@ -132,7 +137,7 @@ def train(
     if config.compile:
         lossy = torch.compile(lossy)  # type: ignore[assignment]
     writer = LogWriter(out, done.step) if place.is_first else None
-    meter = _Meter(done, place)
+    meter = _Meter(done, place, clock)
     model.train()
 
     def over() -> float:
@@ -217,8 +222,8 @@ class _Progress:
 class _Meter:
     """Time, speed and means between two lines of the log."""
 
-    def __init__(self, done: _Progress, place: Place) -> None:
-        self.done, self.place = done, place
+    def __init__(self, done: _Progress, place: Place, clock: Clock) -> None:
+        self.done, self.place, self.clock, self.clock_begun = done, place, clock, clock()
         self.begun = self.line = self.checkpoint = time.perf_counter()
         self.minutes_before, self.states_before, self.states_line = done.minutes, done.states, done.states
         self.seconds = {"outside": 0.0, "network": 0.0}
@@ -228,7 +233,7 @@ class _Meter:
     @property
     def minutes(self) -> float:
         """Minutes of training, those before a resumption included."""
-        return self.minutes_before + (time.perf_counter() - self.begun) / 60.0
+        return self.minutes_before + (self.clock() - self.clock_begun) / 60.0
 
     def timing(self, what: str, timed: bool) -> _Stopwatch:
         """Return a context that is timed, if asked for: the device is waited for before and after."""

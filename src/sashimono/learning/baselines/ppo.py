@@ -29,7 +29,7 @@ from sashimono.learning.baselines.picker import Picker, PickerConfig, PpoConfig
 from sashimono.learning.baselines.rl_env import AssemblySequence
 from sashimono.learning.config_files import TrainConfig, to_values
 from sashimono.learning.schedule import step_seed
-from sashimono.learning.train import CHECKPOINT, WEIGHTS, LogWriter, Row, Trained
+from sashimono.learning.train import CHECKPOINT, WEIGHTS, Clock, LogWriter, Row, Trained
 from sashimono.learning.weights import write_weights
 
 SLOWEST = 0.1
@@ -81,6 +81,7 @@ def train_ppo(
     *,
     device: str = "cpu",
     minutes: float | None = None,
+    clock: Clock = time.perf_counter,
     start: Mapping[str, Tensor] | None = None,
     card: Mapping[str, Any] | None = None,
     report: Callable[[Row], None] = lambda row: None,
@@ -96,6 +97,7 @@ def train_ppo(
         out: Folder to write into.
         device: Where the network is.
         minutes: Train that long, whatever the steps; the learning rate follows the clock.
+        clock: What ``minutes`` are counted by, in seconds.
         start: Weights to begin with.
         card: What else the weights' card says.
         report: Called with each line of the log.
@@ -113,10 +115,11 @@ def train_ppo(
     size = ppo.envs * ppo.rollout
     writer = LogWriter(out, steps)
     begun = saved = time.perf_counter()
+    clock_begun = clock()
     first, row = steps, {"loss": float("nan")}
 
     def passed() -> float:
-        return before + (time.perf_counter() - begun) / 60
+        return before + (clock() - clock_begun) / 60
 
     def over() -> float:
         return steps / config.steps if minutes is None else passed() / minutes

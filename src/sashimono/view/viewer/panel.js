@@ -165,7 +165,7 @@ class Panel {
 
   #stepRow(step, k) {
     const name = step.turns ? TURN : step.product ?? this.plan.parts[step.part].name;
-    const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "";
+    const tag = step.poses.length < 2 ? "base" : step.contact ? step.contact.kind : "no grasp";
     const row = element("button", { type: "button", className: step.depth ? "row inside" : "row", title: name, onclick: () => this.player.showStep(k) },
       element("span", { className: "number", textContent: step.label }), this.#swatch(step.part),
       nameElement(name), element("span", { className: "tag", textContent: tag }),
