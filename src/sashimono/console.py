@@ -59,7 +59,7 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     verdict = "complete and verified" if plan.status == "complete" else "partial"
     width = max((len(name) for name in (*plan.parts, *(entry.name for entry in plan.products))), default=0)
     return [
-        f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
+        f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed{_bought_words(plan)}",
         plan.verdict,
         *([] if plan.cost is None else [_cost_line(plan.cost)]),
         *_step_lines(plan.steps, width, ""),
@@ -67,6 +67,12 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
         *_product_lines(plan),
         *_overlap_lines(plan),
     ]
+
+
+def _bought_words(plan: AssemblyPlan) -> str:
+    """How many of the parts are sets of parts of the input that no product there holds together."""
+    count = sum(bool(entry.members) for entry in plan.source.kept)
+    return f", {count} of them several parts taken as bought (--flat: apart)" if count else ""
 
 
 PLANNED = {
