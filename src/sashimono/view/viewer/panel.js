@@ -2,7 +2,8 @@
 
 /** How a step's part is held, in words: the grasp that carries it first, a push with its force. */
 function contactWords({ contact, carry }) {
-  const short = (value) => (value < 1e-3 ? +value.toFixed(4) : +value.toPrecision(3)); // no exponents
+  // no exponents, and nothing that is there as 0
+  const short = (value) => (value >= 1e-3 ? +value.toPrecision(3) : value > 5e-5 || !value ? +value.toFixed(4) : "less than 0.0001");
   const words = carry ? [`${carry.kind}, then`, contact.kind] : [contact.kind];
   if (contact.kind === "grasp" && contact.quality !== null) words.push(`of quality ${short(contact.quality)}`);
   if (contact.kind === "push" && contact.force) words.push(`with ${short(Math.hypot(...contact.force[0]))} N`);
