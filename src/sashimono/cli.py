@@ -223,7 +223,10 @@ def plan(
         typer.Option(metavar="NAME", help="a product of INPUT's tree stays one part; repeatable; a name or a pattern"),
     ] = None,
     flat: Annotated[
-        bool, typer.Option("--flat", help="plan all parts side by side, whatever INPUT's product tree says")
+        bool,
+        typer.Option(
+            "--flat", help="plan all parts side by side, bearings and all, whatever INPUT's product tree says"
+        ),
     ] = False,
     stand_ins: Annotated[
         bool,

@@ -60,7 +60,7 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     verdict += f", {fit_words(len(plan.fits))}" if plan.fits else ""
     width = max((len(name) for name in (*plan.parts, *(entry.name for entry in plan.products))), default=0)
     return [
-        f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
+        f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed{_bought_words(plan)}",
         plan.verdict,
         *([] if plan.cost is None else [_cost_line(plan.cost)]),
         *_step_lines(plan.steps, width, ""),
@@ -69,6 +69,12 @@ def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
         *_product_lines(plan),
         *_overlap_lines(plan),
     ]
+
+
+def _bought_words(plan: AssemblyPlan) -> str:
+    """How many of the parts are sets of parts of the input that no product there holds together."""
+    count = sum(bool(entry.members) for entry in plan.source.kept)
+    return f", {count} of them several parts taken as bought (--flat: apart)" if count else ""
 
 
 PLANNED = {
@@ -82,7 +88,8 @@ PLANNED = {
 def _product_lines(plan: AssemblyPlan) -> Iterator[str]:
     """One for each product of the input's tree: what became of it, and why."""
     for entry in plan.source.kept:
-        yield f"product {entry.product}: one part, {entry.reason}"
+        what = f"{entry.product}: {len(entry.members)} parts are" if entry.members else f"product {entry.product}:"
+        yield f"{what} one part, {entry.reason}"
     for entry in plan.products:
         yield f"product {entry.name}: {PLANNED[entry.planned]}{f' ({entry.reason})' if entry.reason else ''}"
 

@@ -130,7 +130,10 @@ def _tree_document(source: Source) -> dict[str, Any]:
     if source.products:
         out["products"] = [{"name": product.name, "parts": product.parts} for product in source.products]
     if source.kept:
-        out["kept"] = [{"product": entry.product, "reason": entry.reason} for entry in source.kept]
+        out["kept"] = [
+            {"product": e.product, "reason": e.reason, **({"members": e.members} if e.members else {})}
+            for e in source.kept
+        ]
     if source.stand_ins:
         out["stand_ins"] = [
             {"part": entry.part, "problem": entry.problem, "how": entry.how, "off": entry.off}
@@ -349,7 +352,10 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
                 source.get("stand_ins", ()),
                 lambda s: StandIn(part=s["part"], problem=s["problem"], how=s["how"], off=float(s["off"])),
             ),
-            kept=_each(source.get("kept", ()), lambda k: Kept(product=k["product"], reason=k["reason"])),
+            kept=_each(
+                source.get("kept", ()),
+                lambda k: Kept(product=k["product"], reason=k["reason"], members=tuple(k.get("members", ()))),
+            ),
         ),
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
         products=_each(
