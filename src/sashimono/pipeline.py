@@ -550,9 +550,11 @@ def _planned_products(assembly: Assembly, steps: Sequence[Step], taken: TakenApa
 
 
 def _with_fasteners(steps: Sequence[Step], orderer: Orderer) -> tuple[Step, ...]:
-    """The steps, those of fasteners, inside subassemblies too, with what they are and what drives them."""
+    """The steps, those inside subassemblies too, with their close fits; of fasteners, what they are and what drives
+    them."""
     out = []
     for step in steps:
+        step = replace(step, fits=orderer.fits_between(step.members, step.fixed))
         below = step.subassembly
         if below is not None:
             step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, orderer)))

@@ -144,6 +144,20 @@ class Fastening:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Two parts of which one is all around the other, drawn without clearance: taken to hold one another."""
+
+    part: str
+    """The one that is brought."""
+    other: str
+    """The one that is in place."""
+    axis: tuple[float, float, float]
+    """Unit, world frame."""
+    point: tuple[float, float, float]
+    """A point on the axis, world frame [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ToolSpace:
     """A piece of the space that a tool takes: a cylinder about a fastener's axis, or a sector of one."""
 
@@ -212,6 +226,8 @@ class Step:
     """What the part is, if it is a screw, bolt, nut or the like; None of any other part."""
     tool: Tool | None = None
     """What drives it, if it is a screw, bolt or nut with a drive."""
+    fits: tuple[Fit, ...] = ()
+    """Close fits of what is brought with what is in place: both are rigidly joined from now on."""
     alternatives: tuple[Alternative, ...] | None = None
     """What else could have come here, and why it did not; None where that was not asked."""
 
@@ -479,6 +495,7 @@ class AssemblyPlan:
             held = [max(len(step.held), len(step.held_before)) for step in self.all_steps]
             words += [
                 f"held {max(held, default=0)}",
+                *([f"by close fits {fits}"] if (fits := sum(bool(step.fits) for step in self.all_steps)) else []),
                 f"turned over {sum(step.turned for step in self.all_steps)}",
                 f"fixture {few_words(parts) if parts else 'none'}",
                 "executable" if self.executable else f"not executable with {self.hands} hands",

@@ -22,6 +22,7 @@ from sashimono.plan import (
     DeclaredFit,
     DeclaredHelix,
     Fastening,
+    Fit,
     Fixture,
     Motion,
     MotionClass,
@@ -223,6 +224,8 @@ def _step_document(step: Step) -> dict[str, Any]:
     if step.fastener is not None:
         fastener = step.fastener
         out["fastener"] = {name: getattr(fastener, name) for name in ("kind", "size", "axis", "point", "joins")}
+    if step.fits:
+        out["fits"] = [{"part": f.part, "with": f.other, "axis": f.axis, "point": f.point} for f in step.fits]
     if step.tool is not None:
         out["tool"] = _tool_document(step.tool)
         out["tool_access"] = step.tool.access
@@ -423,6 +426,10 @@ def _step(step: Mapping[str, Any]) -> Step:
         table=_turned(step),
         held_before=tuple(step.get("held_before", ())),
         fastener=_fastening(step.get("fastener")),
+        fits=_each(
+            step.get("fits", ()),
+            lambda f: Fit(part=f["part"], other=f["with"], axis=_triple(f["axis"]), point=_triple(f["point"])),
+        ),
         tool=_tool(step.get("tool"), access=step.get("tool_access", False)),
         alternatives=None
         if step.get("alternatives") is None

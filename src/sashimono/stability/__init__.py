@@ -2,6 +2,7 @@
 
 from sashimono.stability.config import StabilityConfig
 from sashimono.stability.embracing import embraces
+from sashimono.stability.fits import FitAxis, close_fit
 from sashimono.stability.holding import Holding, fewest_held
 from sashimono.stability.plan_holds import hold_plan
 from sashimono.stability.statics import Component, Statics
@@ -9,11 +10,13 @@ from sashimono.stability.touching import Touch, Touching
 
 __all__ = [
     "Component",
+    "FitAxis",
     "Holding",
     "StabilityConfig",
     "Statics",
     "Touch",
     "Touching",
+    "close_fit",
     "embraces",
     "fewest_held",
     "hold_plan",

@@ -77,8 +77,12 @@ class VerifyConfig:
     """Edges of the pyramid that stands for a friction cone between placed parts."""
     hold_steep: float = 0.45
     """Walls whose normal is this near to level (sine of the angle) carry no weight by friction, unless clamped."""
+    hold_upright: float = 0.01
+    """Walls whose normal is this near to level (sine of the angle) are upright: they carry no weight as wedges."""
     hold_fastened: float = 0.016
     """Depth above which a pair that overlaps as assembled is fastened, over the smaller one's smallest extent."""
+    hold_fit_gap: float = 0.0024
+    """Clearance of a close fit, over the smaller one's smallest extent."""
     hold_points: int = 40
     """Most touching points taken of each pair."""
     hold_tolerance: float = 0.02

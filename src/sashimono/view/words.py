@@ -74,6 +74,7 @@ class Words:
     declared: str
     gives: str
     """Where an elastic part has to give on the way."""
+    fitted: str
     unsolved: str
     unsolved_part: str
     partial: str
@@ -133,6 +134,7 @@ ENGLISH = Words(
     turn_chapter="Put together beside the product, this side up.",
     no_room="No room for the tool ({tool}) with these parts in place.",
     no_contact="The plan has no grasp here: place by hand.",
+    fitted="The drawing shows no clearance at {parts}: it is taken to stay where it is pushed.",
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
     gives="{part} has to give way, by up to {depth} mm.",
     unsolved="Parts without instructions",
@@ -196,6 +198,7 @@ GERMAN = Words(
     turn_chapter="Neben dem Produkt zusammenbauen, diese Seite oben.",
     no_room="Kein Platz für das Werkzeug ({tool}), solange diese Teile da sind.",
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
+    fitted="Die Zeichnung zeigt kein Spiel gegen {parts}: angenommen ist, dass es bleibt, wohin es geschoben wird.",
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
     gives="{part} muss nachgeben, um bis zu {depth} mm.",
     unsolved="Teile ohne Anleitung",
@@ -262,6 +265,7 @@ JAPANESE = Words(
     turn_chapter="製品の横で、この面を上にして組み立てます。",
     no_room="これらの部品があると工具（{tool}）が入りません。",
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",
+    fitted="図面では{parts}との間にすき間がありません。押し込んだ位置にとどまるものとします。",
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
     gives="{part} がたわみます(最大 {depth} mm)。",
     unsolved="手順のない部品",

@@ -302,6 +302,9 @@ class _Page:
         for fit in self._manual.fits:
             if any(len({*fit.parts} & {*each.members}) == 1 and {*fit.parts} & {*each.fixed} for each in task.steps):
                 said.append(_breakable(words.gives.format(part=fit.parts[0], depth=f"{1e3 * fit.depth:.2g}")))
+        if step.fits:
+            others = [*dict.fromkeys(fit.other for fit in step.fits)]
+            said.append(_escape(words.fitted.format(parts=names_words(others, words))))
         return said
 
     def _unsolved(self) -> str:
