@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -24,6 +25,8 @@ from sashimono.geometry.features.directions import (
     part_directions,
 )
 from sashimono.geometry.overlap import intersection_depth
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +85,7 @@ class PlacedParts:
         self.lines = merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions)
         """The world's axes, then the lines that all parts give."""
         self._places: dict[tuple[int, int], tuple[OverlapPlace, ...]] = {}
+        self._known: dict[tuple[object, ...], object] = {}
 
     def __len__(self) -> int:
         return len(self.bodies)
@@ -89,7 +93,7 @@ class PlacedParts:
     def with_fits(self, fits: Mapping[tuple[int, int], float]) -> PlacedParts:
         """Return the same parts, of which these pairs may go so deep into each other anywhere [m]."""
         other = copy.copy(self)
-        other.fits, other._places = np.zeros_like(self.overlaps), {}
+        other.fits, other._places, other._known = np.zeros_like(self.overlaps), {}, {}
         for (a, b), depth in fits.items():
             other.fits[a, b] = other.fits[b, a] = depth
         return other
@@ -153,6 +157,12 @@ class PlacedParts:
             field = SignedDistance(vertices, np.array(mesh.tri_verts).astype(np.int64))
             out.append(OverlapPlace(field=field, reach=reach))
         return tuple(out)
+
+    def once(self, key: tuple[object, ...], make: Callable[[], T]) -> T:
+        """Return what ``make`` returns; worked out once for each key, which says all that it depends on."""
+        if key not in self._known:
+            self._known[key] = make()
+        return cast(T, self._known[key])
 
     def parts_ahead(
         self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], among: Sequence[int]

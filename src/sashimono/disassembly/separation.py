@@ -52,6 +52,8 @@ class Separation:
     reason: str = ""
     traced: int = 0
     """Tracing steps that the answer took."""
+    is_held: bool = False
+    """Whether no later stage need be asked: what holds the part leaves it one motion, and that leads nowhere."""
     is_cut: bool = False
     """Whether the tracing steps that were left ran out: with more, the answer might be another."""
 
@@ -70,6 +72,7 @@ class Separation:
             blocked_by=self.blocked_by or later.blocked_by,
             reason="; ".join(words for words in (self.reason, later.reason) if words),
             traced=self.traced + later.traced,
+            is_held=self.is_held or later.is_held,
             is_cut=self.is_cut or later.is_cut,
         )
 

@@ -26,7 +26,8 @@ from sashimono.verify.pairs import PairFinding, check_by_fit, check_pair, check_
 from sashimono.verify.report import StepReport, VerifyReport
 from sashimono.verify.resting import resting_problems
 from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
-from sashimono.verify.sweep import HalfSpace, Screws
+from sashimono.verify.sweep import Screws
+from sashimono.verify.target import HalfSpace
 from sashimono.verify.tool import tool_problems
 from sashimono.verify.turning import stretch_after, tables_of, turn_problems
 
