@@ -15,9 +15,9 @@ class FitConfig:
     """Of more parts that hold one another, none is looked at."""
     lines: int = 12
     """Lines along which a part is tried to be drawn out, both ways: the axes, its own, those of the others."""
-    max_traced: int = 4_000_000
+    max_traced: int = 2_500_000
     """Points that are followed past another part, for each set of parts: a few seconds."""
-    max_ways: int = 12
+    max_ways: int = 6
     """Ways out of which it is asked what gives, for each part that leaves: those with the least need."""
     accuracy: float = 0.05
     """To which the depth that is needed is found, relative to it."""
