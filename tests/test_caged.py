@@ -28,6 +28,12 @@ def cylinder() -> list[Node]:
     return [("cyl_body", body), ("cyl_rod", piston)]
 
 
+def flat_piston() -> Assembly:
+    """The same with a piston thinner than the hole is wide: a ball inside it would pass."""
+    body = rod(0.012, 0.04) - rod(0.008, 0.0032) - rod(0.00405, 0.03, (0.0, 0.0, 0.015))
+    return assembly(body=body, rod=rod(0.0079, 0.003) + rod(0.004, 0.04, (0.0, 0.0, 0.02)))
+
+
 def flange() -> Node:
     """A plate with a hole for the rod's end."""
     return ("flange", box((0.03, 0.03, 0.01), (0.0, 0.0, 0.035)) - rod(0.0042, 0.02, (0.0, 0.0, 0.035)))
@@ -59,7 +65,8 @@ def snap() -> Assembly:
     [
         (assembly(**dict(cylinder())), MotionClass.ALL),
         (assembly(cage=box((0.02,) * 3) - box((0.012,) * 3), ball=Manifold.sphere(0.005, 24)), MotionClass.ALL),
-        (linked_rings(), MotionClass.TRANSLATIONS),
+        (flat_piston(), MotionClass.TRANSLATIONS),
+        (linked_rings(), None),
         (assembly(cage=box((0.02,) * 3) - box((0.012, 0.012, 0.05)), ball=Manifold.sphere(0.005, 24)), None),
         (peg_in_plate(), None),
         (screwed(0.0), None),
@@ -72,8 +79,8 @@ def snap() -> Assembly:
         (assembly(shaft=rod(0.005, 0.03), hub=rod(0.02, 0.01) - rod(0.0048, 0.02)), None),
     ],
     ids=[
-        "rod", "ball", "links", "open", "peg", "thread", "left-hand", "bayonet", "keyhole", "circlip", "o-ring", "snap",
-        "press",
+        "rod", "ball", "flat-piston", "links", "open", "peg", "thread", "left-hand", "bayonet", "keyhole", "circlip",
+        "o-ring", "snap", "press",
     ],
 )  # fmt: skip
 def test_what_is_caged_in_one_part_and_what_comes_apart_otherwise(parts: Assembly, motions: MotionClass | None) -> None:

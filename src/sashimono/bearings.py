@@ -292,7 +292,7 @@ def _rows(ring: _Ring, elements: Sequence[Element], config: BearingConfig) -> It
         left &= ~near
         if near.sum() < config.elements:
             continue
-        chosen = [elements[m] for m in np.flatnonzero(near)]
+        chosen = [element for element, is_near in zip(elements, near, strict=True) if is_near]
         radius, height = (float(value) for value in around[near].mean(axis=0))
         side = _side(ring, radius, height, elements[0], config)
         if side is None or not _is_spread(chosen, ring, config):
