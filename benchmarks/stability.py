@@ -284,7 +284,8 @@ def convex_pieces(points: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
 
     coacd.set_log_level("error")
     scale = 1.0 / float(np.ptp(points, axis=0).max())  # it works in lengths of about one
-    found = coacd.run_coacd(coacd.Mesh(points * scale, faces), threshold=0.02, preprocess_resolution=40, seed=0)
+    search = {"preprocess_resolution": 40, "resolution": 1000, "mcts_iterations": 60, "mcts_max_depth": 2, "seed": 0}
+    found = coacd.run_coacd(coacd.Mesh(points * scale, faces), threshold=0.02, **search)
     return [np.asarray(corners) / scale for corners, _ in found if len(corners) >= 4]
 
 
