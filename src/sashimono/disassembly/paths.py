@@ -41,14 +41,17 @@ class Paths:
         *,
         tolerance: float,
         parted: Mapping[int, float] | None = None,
+        once_parted: float | None = None,
     ) -> None:
         """Take in the parts, and the depth allowed beyond the assembled overlap, over the pair's scale.
 
         The paths are of a time when the part has come apart from those that are ``parted``: their overlap as assembled
-        is no excuse any more, and the depth given there is all that is allowed, over the pair's scale.
+        is no excuse any more, and the depth given there is all that is allowed, over the pair's scale. To others it is
+        to be no deeper than ``once_parted`` once it has parted from them; than translations may be, if None.
         """
         self.tolerance = tolerance
         self.parted = parted or {}
+        self.once_parted = parts.tolerances.translation if once_parted is None else once_parted
         self.parts = parts
         self.part = part
         self.others = tuple(others)
@@ -126,7 +129,7 @@ class Paths:
         for other in self.others:
             if other in self.parted:
                 continue
-            bare = parts.bare(self.part, other)
+            bare = max(self.once_parted * parts.scale(self.part, other), float(parts.fits[self.part, other]))
             if parts.overlaps[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True
@@ -136,6 +139,7 @@ class Paths:
         parts = self.parts
         least = parts.tolerances.least_step * parts.smaller_size(self.part, other)
         T_b_world = se3.inverse(parts.poses[other])
+        apart = parts.tolerances.parted * parts.scale(self.part, other)
         parted = False
         for a, twist in _stretches(displacements):
             if not parted and np.isfinite(first_astray(parts, self.part, other, a, twist)):
@@ -145,9 +149,9 @@ class Paths:
             while not parted and start < 1.0:
                 deepest = DeepestProbe(self.body, parts.bodies[other], T_b_world @ se3.exp(start * twist) @ T_start)
                 depth = deepest.depth
-                parted = depth <= bare
-                while depth > bare and start < 1.0:
-                    start += max(depth - bare, least) / max(rate, least)
+                parted = depth <= apart
+                while depth > apart and start < 1.0:
+                    start += max(depth - apart, least) / max(rate, least)
                     depth = deepest.depth_at(T_b_world @ se3.exp(start * twist) @ T_start)
             if parted and start < 1.0:
                 D, rest = se3.exp(start * twist) @ a, (1.0 - start) * twist

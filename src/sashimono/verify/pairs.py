@@ -58,18 +58,19 @@ def check_pair(
     only if the pair goes deeper than the tolerance, because measuring it costs more than most pairs need.
     """
     pair = _Pair(moving, fixed, path, T_world_fixed, tolerance, config)
-    excuse, queries, once_parted = Excuse(depth=0.0), 0, None
+    excuse, once_parted = Excuse(depth=0.0), None
     # what is too deep as assembled needs the excuse, whatever else is on the way
     drawn = 0.0 if overlaps is None else sampled_depth(moving, fixed, pair.assembled)
     if overlaps is not None and drawn > tolerance:
         excuse = overlaps.excuse(moving.name, fixed.name)
-    found = None
-    if excuse.depth == 0.0:
+    if excuse.depth > 0.0:
+        found = Sweep(holds=False, exhausted=False, depth=drawn, at=float(len(path.angle)), queries=0, near=np.empty(0))
+    else:
         found = pair.sweep(None, path)
-        queries, drawn = found.queries, found.depth
-    if overlaps is not None and (found is None or not (found.holds or found.exhausted)):
+    queries, drawn = found.queries, found.depth
+    if overlaps is not None and not found.holds and not found.exhausted:
         excuse = overlaps.excuse(moving.name, fixed.name)
-        if found is None or excuse.depth > 0.0:
+        if excuse.depth > 0.0:
             # an overlap in the assembled pose is an excuse while the pair is still in it, not for a second meeting
             parting = pair.parting() if excuse.depth > tolerance else 0.0
             since = min(int(parting), len(path.angle) - 1)

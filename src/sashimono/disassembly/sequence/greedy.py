@@ -395,7 +395,7 @@ class _Chooser:
                 said[part] = self._waiting(bits(waits))
                 continue
             known = said.get(part, UNASKED)
-            if known.proven_for is stage.motions or known.is_held:
+            if known.rules_out(stage):
                 continue
             separation = self.inquiry.ask(stage, part, remaining)
             if separation.answer is Answer.FREE:

@@ -192,7 +192,7 @@ def search_unscrew(
     parts, config = threads.parts, threads.config
     limits = parts.tolerances
     among = others if among is None else among
-    drawn = Paths(parts, part, among, tolerance=limits.turning)
+    drawn = Paths(parts, part, among, tolerance=limits.turning, once_parted=limits.thread)
     spent, stopped = 0, []
     for other in drawn.near(np.eye(4)):
         thread = threads.between(part, other) if other in others else None
@@ -200,7 +200,7 @@ def search_unscrew(
             continue
         # once its ridges are clear of the other's, no overlap as assembled lets them through one another; facets do
         # touch, while out of the last turn there is no need to
-        clear = Paths(parts, part, among, tolerance=limits.turning, parted={other: limits.translation})
+        clear = Paths(parts, part, among, tolerance=limits.turning, parted={other: limits.thread})
         out = Paths(parts, part, among, tolerance=limits.turning, parted={other: limits.turning})
         for helix in thread.screws:
             for sign in (1.0, -1.0):
@@ -240,7 +240,7 @@ def _starts(
     def is_clear(shift: float) -> bool:
         D = se3.make(None, sign * shift * helix.axis)
         depth = mutual_depth(paths.body, body, T_other_world @ D @ paths.T_assembled)
-        return depth <= parts.tolerances.translation * scale
+        return depth <= parts.tolerances.thread * scale
 
     ahead = behind = float(np.mod(sign * thread.offset, spacing))
     found = is_clear(ahead)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy.fft import next_fast_len
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,8 +222,8 @@ def _by_step(flanks: _Faces, radius: float, config: HelixConfig) -> Helix | None
         cell = 0.3 / fastest
         waves = np.exp(-1j * starts * turned) * flanks.weights
         index = (along / cell).astype(np.int64)
-        count = next_fast_len(4 * (int(index.max()) + 1))
-        sums = np.bincount(index, waves.real, count) + 1j * np.bincount(index, waves.imag, count)
+        count = 1 << (4 * int(index.max()) + 3).bit_length()
+        sums = np.bincount(index, np.real(waves), count) + 1j * np.bincount(index, np.imag(waves), count)
         step = np.abs(np.fft.ifft(sums)) * count / np.abs(flanks.weights).sum()
         rates = 2.0 * np.pi * np.fft.fftfreq(count, cell)
         step[(np.abs(rates) < starts / most) | (np.abs(rates) > fastest)] = 0.0
