@@ -144,8 +144,8 @@ def _step_words(step: Step) -> str:
         words.append(_contact_words(step))
     if step.tool is not None and step.tool.reason is not None:
         words.append(f"{step.tool.name}: {step.tool.reason}")
-    if step.fits:
-        words.append(f"close fit with {few_words([*dict.fromkeys(fit.other for fit in step.fits)])}")
+    if step.close_fits:
+        words.append(f"close fit with {few_words([*dict.fromkeys(fit.other for fit in step.close_fits)])}")
     if step.held:
         words.append(f"hold {few_words(step.held)}")
     evidence = step.motion.evidence

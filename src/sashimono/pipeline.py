@@ -554,7 +554,7 @@ def _with_fasteners(steps: Sequence[Step], orderer: Orderer) -> tuple[Step, ...]
     them."""
     out = []
     for step in steps:
-        step = replace(step, fits=orderer.fits_between(step.members, step.fixed))
+        step = replace(step, close_fits=orderer.close_fits_between(step.members, step.fixed))
         below = step.subassembly
         if below is not None:
             step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, orderer)))

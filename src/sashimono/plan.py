@@ -144,7 +144,7 @@ class Fastening:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
+class CloseFit:
     """Two parts of which one is all around the other, drawn without clearance: taken to hold one another."""
 
     part: str
@@ -226,7 +226,7 @@ class Step:
     """What the part is, if it is a screw, bolt, nut or the like; None of any other part."""
     tool: Tool | None = None
     """What drives it, if it is a screw, bolt or nut with a drive."""
-    fits: tuple[Fit, ...] = ()
+    close_fits: tuple[CloseFit, ...] = ()
     """Close fits of what is brought with what is in place: both are rigidly joined from now on."""
     alternatives: tuple[Alternative, ...] | None = None
     """What else could have come here, and why it did not; None where that was not asked."""
@@ -495,7 +495,7 @@ class AssemblyPlan:
             held = [max(len(step.held), len(step.held_before)) for step in self.all_steps]
             words += [
                 f"held {max(held, default=0)}",
-                *([f"by close fits {fits}"] if (fits := sum(bool(step.fits) for step in self.all_steps)) else []),
+                *([f"by close fits {fits}"] if (fits := sum(bool(step.close_fits) for step in self.all_steps)) else []),
                 f"turned over {sum(step.turned for step in self.all_steps)}",
                 f"fixture {few_words(parts) if parts else 'none'}",
                 "executable" if self.executable else f"not executable with {self.hands} hands",

@@ -18,11 +18,11 @@ from sashimono.plan import (
     Alternative,
     Answer,
     AssemblyPlan,
+    CloseFit,
     Contact,
     DeclaredFit,
     DeclaredHelix,
     Fastening,
-    Fit,
     Fixture,
     Motion,
     MotionClass,
@@ -224,8 +224,10 @@ def _step_document(step: Step) -> dict[str, Any]:
     if step.fastener is not None:
         fastener = step.fastener
         out["fastener"] = {name: getattr(fastener, name) for name in ("kind", "size", "axis", "point", "joins")}
-    if step.fits:
-        out["fits"] = [{"part": f.part, "with": f.other, "axis": f.axis, "point": f.point} for f in step.fits]
+    if step.close_fits:
+        out["close_fits"] = [
+            {"part": f.part, "with": f.other, "axis": f.axis, "point": f.point} for f in step.close_fits
+        ]
     if step.tool is not None:
         out["tool"] = _tool_document(step.tool)
         out["tool_access"] = step.tool.access
@@ -426,9 +428,9 @@ def _step(step: Mapping[str, Any]) -> Step:
         table=_turned(step),
         held_before=tuple(step.get("held_before", ())),
         fastener=_fastening(step.get("fastener")),
-        fits=_each(
-            step.get("fits", ()),
-            lambda f: Fit(part=f["part"], other=f["with"], axis=_triple(f["axis"]), point=_triple(f["point"])),
+        close_fits=_each(
+            step.get("close_fits", ()),
+            lambda f: CloseFit(part=f["part"], other=f["with"], axis=_triple(f["axis"]), point=_triple(f["point"])),
         ),
         tool=_tool(step.get("tool"), access=step.get("tool_access", False)),
         alternatives=None

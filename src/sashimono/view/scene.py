@@ -158,7 +158,7 @@ def _step(
         "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
         "held": list(step.held),
-        "fits": [*dict.fromkeys(fit.other for fit in step.fits)],
+        "closeFits": [*dict.fromkeys(fit.other for fit in step.close_fits)],
         "turns": played.turns,
         "tool": None if step.tool is None else step.tool.name,
         "toolBlocked": None if step.tool is None else step.tool.reason,
