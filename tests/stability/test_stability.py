@@ -6,12 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from solids import assembly, bolt, box, rod
+from solids import Manifold, assembly, bolt, box, rod
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.plan import Table
 from sashimono.stability import Holding, StabilityConfig, Statics, Touching, fewest_held
+from sashimono.verify import VerifyConfig
+from sashimono.verify.body import SampledBody
+from sashimono.verify.holding import PlacedParts
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -70,6 +73,17 @@ def test_a_peg_in_an_exact_hole_is_not_held_by_a_squeeze() -> None:
     on_its_side = np.array([1.0, 0.0, 0.0])
     assert holding(parts, -1.0, fixed=["plate"], up=on_its_side).held == ()
     assert holding(parts, -0.02, placed=["peg", "plate"], fixed=["plate"]).held == ()  # it stands on the table
+
+
+@pytest.mark.parametrize(("wider", "held"), [(0.00002, ("peg",)), (0.004, ())])
+def test_a_taper_carries_and_rounding_does_not(wider: float, held: tuple[str, ...]) -> None:
+    plate, cone = box((0.06, 0.06, 0.02)), Manifold.cylinder(0.04, 0.005, 0.005 + wider, 48, center=True)
+    parts = assembly(plate=plate - cone, peg=cone)
+    assert holding(parts, -1.0, fixed=["plate"]).held == held
+    bodies = {part.name: SampledBody(part.name, part.vertices_part, part.faces, samples=3000) for part in parts.parts}
+    placed = PlacedParts(bodies, {part.name: part.T_world_part for part in parts.parts}, VerifyConfig())
+    table = Table(normal=np.array([0.0, 0.0, 1.0]), offset=-1.0)
+    assert placed.falling(parts.names, {"plate"}, table) == list(held)
 
 
 def test_an_interference_fit_and_a_declared_pair_are_fastened() -> None:

@@ -12,6 +12,7 @@ from sashimono.plan import Fastening, Table
 from sashimono.stability import StabilityConfig, Touching, embraces
 from sashimono.verify import VerifyConfig
 from sashimono.verify.body import SampledBody
+from sashimono.verify.bond import StatedBond
 from sashimono.verify.holding import PlacedParts
 
 DOWN = Table(normal=np.array([0.0, 0.0, 1.0]), offset=-1.0)
@@ -25,7 +26,8 @@ def hung(hole: Manifold) -> Assembly:
 
 def falling(parts: Assembly, fastening: Fastening | None) -> list[str]:
     bodies = {p.name: SampledBody(p.name, p.vertices_part, p.faces, samples=3000) for p in parts.parts}
-    stated = {} if fastening is None else {frozenset(("screw", other)): fastening for other in fastening.joins}
+    bond = None if fastening is None else StatedBond(fastening.axis, fastening.point, close=False)
+    stated = {} if bond is None else {frozenset(("screw", "plate")): bond}
     placed = PlacedParts(bodies, {p.name: p.T_world_part for p in parts.parts}, VerifyConfig(), stated=stated)
     return placed.falling(parts.names, {"plate"}, DOWN)
 

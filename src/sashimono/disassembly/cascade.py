@@ -44,10 +44,18 @@ class Cascade:
     The same question has the same answer, whatever was asked before.
     """
 
-    def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: SeparateConfig) -> None:
+    def __init__(
+        self,
+        assembly: Assembly,
+        bodies: Mapping[str, Body],
+        *,
+        config: SeparateConfig,
+        parts: PlacedParts | None = None,
+    ) -> None:
+        """Take in the parts and their bodies, and where they are at hand, the same parts as placed."""
         self.assembly = assembly
         self.config = config
-        self.parts = parts = PlacedParts(assembly, bodies, config=config.parts)
+        self.parts = parts = parts or PlacedParts(assembly, bodies, config=config.parts)
         self.blocking = Blocking(parts, config=config.blocking)
         self.shared = SharedBodies(parts, config=config.shared)
         self._threads = Threads(parts, config=config.unscrew)
@@ -76,6 +84,11 @@ class Cascade:
         self._answers: dict[tuple[str, int, int], list[tuple[int, Separation]]] = {}
         self._turned: dict[tuple[int, int, tuple[float, ...]], Removal | None] = {}
         self._declared: dict[tuple[int, int, tuple[float, ...]], tuple[Removal, DeclaredThread] | None] = {}
+
+    def with_fits(self, fits: Mapping[tuple[int, int], float]) -> Cascade:
+        """Return a cascade for the same parts, of which these pairs may go so deep into each other anywhere [m]."""
+        bodies = dict(zip(self.assembly.names, self.parts.bodies, strict=True))
+        return Cascade(self.assembly, bodies, config=self.config, parts=self.parts.with_fits(fits))
 
     def separate(self, part: int, remaining: int) -> Separation:
         """Return what all stages know about a part among the remaining ones (a mask)."""

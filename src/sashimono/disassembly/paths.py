@@ -129,7 +129,7 @@ class Paths:
         for other in self.others:
             if other in self.parted:
                 continue
-            bare = self.once_parted * parts.scale(self.part, other)
+            bare = max(self.once_parted * parts.scale(self.part, other), float(parts.fits[self.part, other]))
             if parts.overlaps[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar, cast
@@ -71,6 +72,8 @@ class PlacedParts:
         """By part: the smallest extent along an inertia axis [m]."""
         self.overlaps = assembled_overlaps(assembly, self.bodies)
         """By pair: how deep the two overlap in the assembled pose [m]. A motion may go as deep, until they part."""
+        self.fits = np.zeros_like(self.overlaps)
+        """By pair: how deep the two may go into each other anywhere, where a fit is declared [m]; else 0."""
         self.boxes = np.array([[v.min(axis=0), v.max(axis=0)] for v in self.vertices])
         """By part: least and greatest corner of its box in the world frame [m]."""
         self._walls = np.array([body.wall for body in self.bodies])
@@ -87,6 +90,19 @@ class PlacedParts:
     def __len__(self) -> int:
         return len(self.bodies)
 
+    def with_fits(self, fits: Mapping[tuple[int, int], float]) -> PlacedParts:
+        """Return the same parts, of which these pairs may go so deep into each other anywhere [m]."""
+        other = copy.copy(self)
+        other.fits, other._places, other._known = np.zeros_like(self.overlaps), {}, {}
+        for (a, b), depth in fits.items():
+            other.fits[a, b] = other.fits[b, a] = depth
+        return other
+
+    @property
+    def allowances(self) -> Float[np.ndarray, "part part"]:
+        """By pair: how deep the two may go into each other beside any tolerance [m], to begin with."""
+        return np.maximum(self.overlaps, self.fits)
+
     @property
     def all_parts(self) -> int:
         """The mask of all parts."""
@@ -102,14 +118,18 @@ class PlacedParts:
         return float(min(self.sizes[a], self.sizes[b]))
 
     def limit(self, a: int, b: int, tolerance: float) -> float:
-        """Return how deep a pair may overlap on its way [m], for a tolerance over its scale."""
-        return float(self.overlaps[a, b] + tolerance * self.scale(a, b))
+        """Return how deep a pair may overlap on its way [m], for a tolerance over its scale; or its fit, if deeper."""
+        return float(max(self.overlaps[a, b] + tolerance * self.scale(a, b), self.fits[a, b]))
+
+    def bare(self, a: int, b: int) -> float:
+        """Return how deep a pair may be where no overlap as assembled excuses it [m], on a translation."""
+        return float(max(self.tolerances.translation * self.scale(a, b), self.fits[a, b]))
 
     def overlap_places(self, a: int, b: int) -> tuple[OverlapPlace, ...]:
         """Return the pieces of a pair's overlap as assembled, if it is an excuse only near to these; else nothing.
 
         An overlap that is shallow beside both parts and their walls is an excuse anywhere, and so is one of which no
-        boolean can be taken.
+        boolean can be taken, and one that is no deeper than a declared fit.
         """
         key = (min(a, b), max(a, b))
         if key not in self._places:
@@ -120,7 +140,8 @@ class PlacedParts:
         limits, depth = self.tolerances, float(self.overlaps[a, b])
         near = limits.shallow * self.smaller_size(a, b)
         solids = [self.bodies[k].solid for k in (a, b)]
-        if depth <= min(near, limits.shallow_wall * min(self._walls[a], self._walls[b])) or None in solids:
+        shallow = max(self.fits[a, b], min(near, limits.shallow_wall * min(self._walls[a], self._walls[b])))
+        if depth <= shallow or None in solids:
             return ()
         placed = [
             solid.transform(np.ascontiguousarray(self.poses[k][:3]))

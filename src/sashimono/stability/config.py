@@ -23,9 +23,18 @@ class StabilityConfig:
     fastened: float = 0.02
     """Depth above which a pair that overlaps as assembled counts as fastened, over the smaller part's smallest
     extent: a thread drawn as plain cylinders, an interference fit. Less is what facets of round fits overlap."""
+    close_fits: bool = True
+    """Whether a part that is all around another's shank, drawn without clearance, counts as joined to it."""
+    fit_gap: float = 0.002
+    """Clearance that counts as none there, over the smaller one's smallest extent."""
+    fit_length: float = 0.5
+    """Least length of such a fit, over its diameter."""
     steep: float = 0.5
     """Walls whose normal is this near to level (sine of its angle to the level) carry no weight by friction: nothing
     shows that they squeeze the part."""
+    upright: float = 0.02
+    """Walls whose normal is this near to level (sine of its angle) count as upright: real tapers are steeper, the
+    rounding of corners is less."""
     opposing: float = 0.9
     """Least cosine between one normal and another, reversed, at which two fastened parts clamp what is between."""
     least_weight: float = 1e-4

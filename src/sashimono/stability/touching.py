@@ -95,16 +95,20 @@ class Touching:
         a, b = self._boxes[first], self._boxes[second]
         return bool((a[0] <= b[1] + gap).all() and (b[0] <= a[1] + gap).all())
 
-    def _find(self, first: str, second: str) -> Touch:
+    def meeting(self, first: str, second: str, gap: float) -> Touch:
+        """Return all surface points of either body that face the other within a gap [m], not only a few of them."""
         a, b = self.bodies[first], self.bodies[second]
-        gap = self.config.gap * min(a.smallest_extent, b.smallest_extent)
         if not self._near(first, second, gap):
             return Touch(np.zeros((0, 3)), np.zeros((0, 3)))
         T_a, T_b = self.poses[first], self.poses[second]
         on_a, into_a = self._facing(a, b, se3.inverse(T_b) @ T_a, gap)
         on_b, into_b = self._facing(b, a, se3.inverse(T_a) @ T_b, gap)
         points = np.concatenate([se3.apply(T_a, on_a), se3.apply(T_b, on_b)])
-        normals = np.concatenate([into_a @ T_a[:3, :3].T, -into_b @ T_b[:3, :3].T])
+        return Touch(points, np.concatenate([into_a @ T_a[:3, :3].T, -into_b @ T_b[:3, :3].T]))
+
+    def _find(self, first: str, second: str) -> Touch:
+        a, b = self.bodies[first], self.bodies[second]
+        points, normals = self.meeting(first, second, self.config.gap * min(a.smallest_extent, b.smallest_extent))
         if not len(points):
             return Touch(points, normals)
         reach = max(float(np.ptp(points, axis=0).max()), 1e-3 * min(a.radius, b.radius))

@@ -1,17 +1,18 @@
-"""Is a part that a plan calls a screw, bolt or nut really in what it is said to be screwed into?
+"""Is a part that a plan calls a screw, bolt or nut really in what it is said to be screwed into? Is a close fit one?
 
-A plan's word alone joins nothing. Here the two must touch all around the stated axis, over a length, as a thread does;
-whether there is a thread cannot be seen where the CAD draws plain cylinders.
+A plan's word alone joins nothing. Here the two must touch all around the stated axis, over a length, as a thread or a
+press fit does; whether there is a thread, or a squeeze, cannot be seen where the CAD draws plain cylinders.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.plan import AssemblyPlan, Fastening
+from sashimono.plan import AssemblyPlan
 
 THREADED = ("screw", "bolt", "nut")
 """Kinds of fasteners that are screwed."""
@@ -22,25 +23,34 @@ _OPEN = np.radians(120.0)
 _LENGTH = 0.25
 
 
-def stated_bonds(plan: AssemblyPlan) -> dict[frozenset[str], Fastening]:
-    """Return the pairs of parts that a plan says are screwed together, each with the fastener's axis."""
-    found: dict[frozenset[str], Fastening] = {}
+class StatedBond(NamedTuple):
+    """What a plan says of two parts that it joins."""
+
+    axis: Sequence[float]
+    point: Sequence[float]
+    close: bool
+    """Whether they fit without clearance; else they are screwed together."""
+
+
+def stated_bonds(plan: AssemblyPlan) -> dict[frozenset[str], StatedBond]:
+    """Return the pairs of parts that a plan says are joined, each with the axis."""
+    found: dict[frozenset[str], StatedBond] = {}
     for step in plan.all_steps:
+        for fit in step.close_fits:
+            found[frozenset((fit.part, fit.other))] = StatedBond(fit.axis, fit.point, close=True)
         if step.fastener is not None and step.fastener.kind in THREADED:
             for other in step.fastener.joins:
-                found[frozenset((step.part, other))] = step.fastener
+                found[frozenset((step.part, other))] = StatedBond(step.fastener.axis, step.fastener.point, close=False)
     return found
 
 
-def is_screwed_in(
-    points: Float[np.ndarray, "point 3"], normals: Float[np.ndarray, "point 3"], fastening: Fastening
-) -> bool:
+def is_around(points: Float[np.ndarray, "point 3"], normals: Float[np.ndarray, "point 3"], bond: StatedBond) -> bool:
     """Return whether touching points with the surface's normals lie around the stated axis like a hole around a shank.
 
     Only walls along the axis count. They must face it, leave no more than 120 degrees open, and be longer than a
     quarter of the diameter.
     """
-    axis, start = np.array(fastening.axis), np.array(fastening.point)
+    axis, start = np.array(bond.axis), np.array(bond.point)
     size = float(np.linalg.norm(axis))
     if axis.shape != (3,) or start.shape != (3,) or not np.isfinite([*axis, *start]).all() or abs(size - 1.0) > 1e-6:
         return False
@@ -58,5 +68,5 @@ def is_screwed_in(
     return bool(widest <= _OPEN and float(np.ptp(heights)) >= _LENGTH * 2.0 * float(np.median(radii)))
 
 
-Bonds = Mapping[frozenset[str], Fastening]
-"""Pairs that a plan says are screwed together."""
+Bonds = Mapping[frozenset[str], StatedBond]
+"""Pairs that a plan says are joined."""

@@ -22,7 +22,7 @@ from scipy.sparse import csr_array, lil_array, vstack
 from sashimono.geometry import se3
 from sashimono.plan import Fixture, Step, Table
 from sashimono.verify.body import SampledBody
-from sashimono.verify.bond import Bonds, is_screwed_in
+from sashimono.verify.bond import Bonds, is_around
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import sampled_depth
 from sashimono.verify.structure import members
@@ -59,7 +59,7 @@ class PlacedParts:
             poses: Assembled.
             config: Options.
             screwed: Pairs that a declared thread fastens.
-            stated: Pairs that the plan says are screwed together. They are fastened if they touch like that.
+            stated: Pairs that the plan says are screwed together, or fit closely. They are fastened if they touch so.
         """
         self._bodies = bodies
         self._poses = poses
@@ -177,6 +177,11 @@ class PlacedParts:
     def _forces(self, contact: _Contact, up: np.ndarray, clamped: bool) -> tuple[np.ndarray, np.ndarray]:
         """Points and edges of the friction cones about the normals, some of them level; on steep walls, only those."""
         points, normals = contact
+        lean = normals @ up
+        # what leans no more than corners are rounded by is no wedge
+        level = normals - np.outer(lean, up)
+        level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 0.5)
+        normals = np.where((np.abs(lean) < self._config.hold_upright)[:, None], level, normals)
         across = np.cross(normals, up)
         flat = np.linalg.norm(across, axis=1) < 1e-6
         across[flat] = np.cross(normals[flat], np.eye(3)[int(np.abs(up).argmin())])
@@ -185,10 +190,10 @@ class PlacedParts:
         angles = 2.0 * np.pi * np.arange(self._config.hold_edges) / self._config.hold_edges
         wall = (np.abs(normals @ up) < self._config.hold_steep) & (not clamped)
         around = [np.cos(angle) * across + np.sin(angle) * steepest for angle in angles]
-        level = [np.sign(np.cos(angle)) * across for angle in angles]
+        sidewards = [np.sign(np.cos(angle)) * across for angle in angles]
         forces = [
             normals + self._config.hold_friction * np.where(wall[:, None], sideways, full)
-            for full, sideways in zip(around, level, strict=True)
+            for full, sideways in zip(around, sidewards, strict=True)
         ]
         return np.tile(points, (len(forces), 1)), np.concatenate(forces)
 
@@ -210,15 +215,17 @@ class PlacedParts:
         return key in self._screwed or self._depths[key] > self._config.hold_fastened or self._is_bonded(first, second)
 
     def _is_bonded(self, first: str, second: str) -> bool:
-        """Whether the plan says that the two are screwed together, and they touch like that."""
+        """Whether the plan says that the two are screwed together, or fit closely, and they touch like that."""
         key = frozenset((first, second))
         if key not in self._stated:
             return False
         if key not in self._bonded:
-            gap = self._config.hold_gap * min(self._bodies[name].smallest_extent for name in key)
+            bond, config = self._stated[key], self._config
+            least = min(self._bodies[name].smallest_extent for name in key)
+            gap = least * (config.hold_fit_gap if bond.close else config.hold_gap)
             meetings = [self._meeting(first, second, gap), self._meeting(second, first, gap)]
             points, normals = (np.concatenate(each) for each in zip(*meetings, strict=True))
-            self._bonded[key] = len(points) > 0 and is_screwed_in(points, normals, self._stated[key])
+            self._bonded[key] = len(points) > 0 and is_around(points, normals, bond)
         return self._bonded[key]
 
     def _clamping(self, groups: Sequence[Sequence[str]]) -> set[frozenset[int]]:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import AssembledOverlaps, DeepestSample, Excuse, intersection, sampled_depth
+from sashimono.verify.piercing import pierced_at
 from sashimono.verify.sweep import Screws, Sweep, sweep
 from sashimono.verify.target import HalfSpace
 
@@ -28,6 +29,8 @@ class PairFinding:
     problem: str | None
     queries: int
     notes: tuple[str, ...] = ()
+    by_fit: tuple[str, str] | None = None
+    """The two parts, where only the fit that the plan declares of them allows it."""
 
 
 def pair_tolerance(first: SampledBody, second: SampledBody, config: VerifyConfig) -> float:
@@ -98,6 +101,42 @@ def check_pair(
         problem=problem,
         queries=queries,
         notes=notes,
+    )
+
+
+def check_by_fit(
+    moving: SampledBody,
+    fixed: SampledBody,
+    path: Screws,
+    T_world_fixed: Float[np.ndarray, "4 4"],
+    *,
+    depth: float,
+    config: VerifyConfig,
+) -> PairFinding:
+    """Return what the moving body does to a fixed one with which a fit is declared.
+
+    They may go into each other up to the declared depth [m], wherever they are, and one may not slip through the other.
+    """
+    pair = _Pair(moving, fixed, path, T_world_fixed, depth, config)
+    found = pair.sweep(None, path)
+    deepest, at, notes = found.depth, found.at, ()
+    if found.holds and len(found.near):
+        deepest, at, notes = pair.with_booleans(found)
+    problem = None
+    if not found.holds or deepest > depth:
+        problem = _problem(fixed.name, deepest, at, Excuse(depth=0.0), depth, found.exhausted)
+        problem = problem.replace("(tolerance ", "(declared ")
+    elif (time := pair.pierced_at(found)) is not None:
+        at, problem = time, f"slips through {fixed.name} at pose {time:.2f}: no declared fit excuses that"
+    return PairFinding(
+        against=fixed.name,
+        depth=max(0.0, deepest),
+        allowed=depth,
+        pose=at,
+        problem=problem,
+        queries=found.queries,
+        notes=notes,
+        by_fit=(moving.name, fixed.name),
     )
 
 
@@ -218,6 +257,18 @@ class _Pair:
             if common.depth > depth:
                 depth, at = common.depth, float(time)
         return depth, at, ()
+
+    def pierced_at(self, found: Sweep) -> float | None:
+        """Return the first time at which one of the two has gone through the other; None if neither has."""
+        return pierced_at(
+            self._moving,
+            self._fixed,
+            self._seen,
+            found.near,
+            least=0.5 * pair_tolerance(self._moving, self._fixed, self._config),
+            depth=self._tolerance,
+            through=self._config.relative_through,
+        )
 
     def far_off(self, excuse: Excuse, time: float) -> bool:
         """Return whether, at this time, the intersection body is too deep too far from the overlap as assembled."""

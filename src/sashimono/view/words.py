@@ -72,6 +72,9 @@ class Words:
     """Where a tool has no room."""
     no_contact: str
     declared: str
+    gives: str
+    """Where an elastic part has to give on the way."""
+    fitted: str
     unsolved: str
     unsolved_part: str
     partial: str
@@ -131,7 +134,9 @@ ENGLISH = Words(
     turn_chapter="Put together beside the product, this side up.",
     no_room="No room for the tool ({tool}) with these parts in place.",
     no_contact="The plan has no grasp here: place by hand.",
+    fitted="The drawing shows no clearance at {parts}: it is taken to stay where it is pushed.",
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
+    gives="{part} has to give way, by up to {depth} mm.",
     unsolved="Parts without instructions",
     unsolved_part="{part}: no way in was found.",
     partial="{count} parts have no instructions: see the last page.",
@@ -193,7 +198,9 @@ GERMAN = Words(
     turn_chapter="Neben dem Produkt zusammenbauen, diese Seite oben.",
     no_room="Kein Platz für das Werkzeug ({tool}), solange diese Teile da sind.",
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
+    fitted="Die Zeichnung zeigt kein Spiel gegen {parts}: angenommen ist, dass es bleibt, wohin es geschoben wird.",
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
+    gives="{part} muss nachgeben, um bis zu {depth} mm.",
     unsolved="Teile ohne Anleitung",
     unsolved_part="{part}: kein Weg hinein gefunden.",
     partial="{count} Teile haben keine Anleitung: siehe letzte Seite.",
@@ -258,7 +265,9 @@ JAPANESE = Words(
     turn_chapter="製品の横で、この面を上にして組み立てます。",
     no_room="これらの部品があると工具（{tool}）が入りません。",
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",
+    fitted="図面では{parts}との間にすき間がありません。押し込んだ位置にとどまるものとします。",
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
+    gives="{part} がたわみます(最大 {depth} mm)。",
     unsolved="手順のない部品",
     unsolved_part="{part}：組み込む経路が見つかりませんでした。",
     partial="{count}個の部品には手順がありません。最後のページを見てください。",

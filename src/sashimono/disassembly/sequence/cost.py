@@ -64,19 +64,23 @@ class OrderCostConfig:
     direction_changes: float = 0.25
     """For each part that comes from another direction than the one before."""
     interrupted_runs: float = 0.5
-    """For each time that parts of one shape are taken up again after others came between."""
+    """For each time that fasteners of one kind and size are taken up again after others came between."""
+    other_runs: float = 0.2
+    """How much of that it counts if the alike parts are no fasteners: two flanges may well come one after the other's
+    shaft."""
     fasteners_late: float = 0.05
     """For each part that is placed between the time a fastener could be set and the time it is, and is none itself."""
     fasteners_out_of_turn: float = 100.0
     """For each pair that fasteners demand and the order does not keep: a screw before what it clamps, a nut before its
     bolt. As good as forbidden: it is chosen only where nothing else can be assembled."""
     slides: float = 1.0
-    """For the way that a part slides along what it touches, where it does not come from above, over the product's
-    size."""
+    """For the way that a part slides along what it touches, where it does not come from above, or over another shaft
+    than the one that it fits, over the product's size."""
     apart: float = 1.0
     """For each part that touches none of those placed before it."""
-    base: float = 2.0
-    """For a base that is small or has few neighbours: 1 less its bulk times its neighbours over the most of any."""
+    base: float = 4.0
+    """For a base that is small or has few neighbours: 1 less the largest side of its box times its neighbours, over the
+    most of any."""
     unsteady: float = 6.0
     """For a base that is easily tipped: from 0, where it takes an angle of `steady`, to 1, where it takes none."""
     fixture: float = 3.0
@@ -158,8 +162,10 @@ class CostModel:
         if above < self.config.above:
             out["not_from_above"] = 1.0
             slide = scene.slide(members, rest, direction)
-            if slide > 0.0:
-                out["slides"] = slide
+        else:
+            slide = scene.threaded(members, rest, direction)
+        if slide > 0.0:
+            out["slides"] = slide
         if above < -self.config.above:
             out["from_below"] = 1.0
         follows = placing.after is not None and not placing.turned_after
@@ -168,7 +174,7 @@ class CostModel:
         alike = scene.alike_to(members)
         interrupted = alike & gone and not (placing.after is not None and placing.after.members & alike)
         if interrupted:
-            out["interrupted_runs"] = 1.0
+            out["interrupted_runs"] = 1.0 if scene.is_fastener(members) else self.config.other_runs
         late = scene.waiting(members, rest, gone)
         if late:
             out["fasteners_late"] = float(late)

@@ -25,8 +25,8 @@ from sashimono.fasteners.bonds import bonds
 from sashimono.fasteners.recognise import Fastener, find_fasteners
 from sashimono.fasteners.tools import tool_for
 from sashimono.geometry.body import Body
-from sashimono.plan import AssemblyPlan, Fastening, OrderCost, Tool
-from sashimono.stability import StabilityConfig, Touching, embraces
+from sashimono.plan import AssemblyPlan, CloseFit, Fastening, OrderCost, Tool
+from sashimono.stability import StabilityConfig, Touching, close_fit, embraces
 
 
 class Orderer:
@@ -84,16 +84,40 @@ class Orderer:
         return product_groups(self._cascade.assembly, self.fasteners, self._cascade.touching)
 
     @cached_property
+    def close_fits(self) -> tuple[CloseFit, ...]:
+        """Pairs of parts with a close fit. What is screwed, or laid around a screw, is none of these."""
+        if not self._stability.close_fits:
+            return ()
+        found = []
+        parts, names = self._cascade.parts, self._cascade.assembly.names
+        loose = {f.part for f in self.fasteners if f.kind not in ("pin", "standoff")}
+        for k, name in enumerate(names):
+            for other in bits(self._cascade.touching(k) & ((1 << k) - 1)):
+                if {name, names[other]} & loose or self._bare.fastened(name, names[other]):
+                    continue
+                lines = np.concatenate([parts.part_lines[k], parts.part_lines[other]])
+                if (fit := close_fit(self._bare, name, names[other], lines)) is not None:
+                    found.append(CloseFit(part=name, other=names[other], axis=fit.axis, point=fit.point))
+        return tuple(found)
+
+    def close_fits_between(self, brought: Collection[str], placed: Collection[str]) -> tuple[CloseFit, ...]:
+        """Return the close fits of parts that are brought with parts in place."""
+        turned = (replace(fit, part=fit.other, other=fit.part) for fit in self.close_fits)
+        return tuple(fit for fit in (*self.close_fits, *turned) if fit.part in brought and fit.other in placed)
+
+    @cached_property
     def touching(self) -> Touching:
-        """What touches what, each fastener joined to what it is screwed into where that is all around it."""
+        """What touches what; fasteners joined to what they are screwed into where that is all around them, and what
+        has a close fit."""
         pairs = [(part, other) for part, fastening in self.fastenings.items() for other in fastening.joins]
+        pairs += [(fit.part, fit.other) for fit in self.close_fits]
         return self._bare.with_fastened(pairs)
 
     @cached_property
     def model(self) -> CostModel:
         """The cost."""
         up = np.array(self._config.up) / np.linalg.norm(self._config.up)
-        scene = OrderScene(self._cascade, self.fasteners, up=up)
+        scene = OrderScene(self._cascade, self.fasteners, up=up, close_fits=self.close_fits)
         wishes = resolve(self._config.constraints, self._cascade.assembly.names)
         return CostModel(scene=scene, touching=self.touching, config=self._config.cost, together=wishes.together)
 

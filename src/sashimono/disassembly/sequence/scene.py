@@ -14,15 +14,22 @@ from sashimono.fasteners.precedence import precedence
 from sashimono.fasteners.recognise import Fastener
 from sashimono.fasteners.tools import ToolWay, tool_ways
 from sashimono.geometry.features.directions import part_directions
+from sashimono.geometry.mesh.measures import inertia_extents
+from sashimono.plan import CloseFit
 
 
 class OrderScene:
     """One assembly, as orders are compared by. Sets of parts are bit masks."""
 
     def __init__(
-        self, cascade: Cascade, fasteners: Sequence[Fastener], *, up: Float[np.ndarray, "3"] | None = None
+        self,
+        cascade: Cascade,
+        fasteners: Sequence[Fastener],
+        *,
+        up: Float[np.ndarray, "3"] | None = None,
+        close_fits: Sequence[CloseFit] = (),
     ) -> None:
-        """Take in the parts and their fasteners; ``up`` is the file's own, +z if None."""
+        """Take in the parts, their fasteners and close fits; ``up`` is the file's own, +z if None."""
         assembly, parts = cascade.assembly, cascade.parts
         self.names = assembly.names
         self.index = {name: k for k, name in enumerate(self.names)}
@@ -35,7 +42,9 @@ class OrderScene:
         boxes = np.ptp(parts.boxes, axis=1)
         volumes = np.array([body.mass_properties.volume for body in parts.bodies])
         bulk = np.prod(boxes + 1e-9 * boxes.max(), axis=1) + volumes
-        scores = bulk * np.array([1 + mask.bit_count() for mask in self.neighbours])
+        extents = np.array([inertia_extents(body.vertices, body.faces) for body in parts.bodies])
+        footprints = np.prod(np.sort(extents, axis=1)[:, 1:], axis=1)
+        scores = footprints * np.array([1 + mask.bit_count() for mask in self.neighbours])
         self._base_scores = scores / scores.max()
         self.bulk = bulk
         """By part: volume of its box and its own [m³]."""
@@ -51,6 +60,7 @@ class OrderScene:
             for k, f in self.fasteners.items()
             if f.kind in ("screw", "bolt", "nut", "circlip") and before[k]
         }
+        self._close_fits = close_fits
         self._fastener_mask = sum(1 << k for k in self.fasteners)
         self._slides: dict[tuple[int, int, bytes], float] = {}
         self._lines: dict[int, Float[np.ndarray, "line 3"]] = {}
@@ -93,6 +103,10 @@ class OrderScene:
         """Return the mask of the other parts of the same shape, or fasteners of one kind and size; 0 for several."""
         return self._alike[members.bit_length() - 1] if members.bit_count() == 1 else 0
 
+    def is_fastener(self, members: int) -> bool:
+        """Return whether these are fasteners only."""
+        return not members & ~self._fastener_mask
+
     def regardless_of_alike(self, parts: int) -> int:
         """Return the mask with, of alike parts, the first ones in place of as many others."""
         for group in self._groups:
@@ -103,7 +117,7 @@ class OrderScene:
         return parts
 
     def base_score(self, base: int) -> float:
-        """Return bulk times neighbours of a base (a mask of one part), over the most of any."""
+        """Return the largest side of a base's box times its neighbours (a mask of one part), over the most of any."""
         return float(self._base_scores[base.bit_length() - 1])
 
     def waiting(self, members: int, rest: int, gone: int) -> int:
@@ -122,6 +136,29 @@ class OrderScene:
             front = max((bounds[part, 1] for part in bits(touched)), default=back)
             self._slides[key] = max(0.0, float(front - back)) / self.size
         return self._slides[key]
+
+    def threaded(self, members: int, rest: int, direction: Float[np.ndarray, "3"]) -> float:
+        """Return how far a part with a close fit goes over others on the line of that fit that it does not fit with at
+        last, over the product's size: a flange that is put on over the end of the next shaft."""
+        if members & (members - 1) or not (strung := self._strung(members.bit_length() - 1, direction) & rest):
+            return 0.0
+        bounds = self.bounds_along(direction)
+        front = max(bounds[part, 1] for part in bits(strung))
+        return max(0.0, float(front - bounds[members.bit_length() - 1, 0])) / self.size
+
+    def _strung(self, part: int, direction: Float[np.ndarray, "3"]) -> int:
+        """Mask of the parts that have a close fit with something on the line of a part's fit along a direction."""
+        own = [fit for fit in self._close_fits if self.names[part] in (fit.part, fit.other)]
+        own = [fit for fit in own if abs(float(np.array(fit.axis) @ direction)) > 0.9999]
+        found, partners = 0, 1 << part
+        for fit in own:
+            partners |= self.mask((fit.part, fit.other))
+            for other in self._close_fits:
+                apart = np.cross(np.array(other.point) - np.array(fit.point), np.array(fit.axis))
+                along = abs(float(np.dot(other.axis, fit.axis)))
+                if along > 0.9999 and float(np.linalg.norm(apart)) < 1e-3 * self.size:
+                    found |= self.mask((other.part, other.other))
+        return found & ~partners
 
     def bounds_along(self, direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "part 2"]:
         """Return the lowest and highest coordinate of every part along a direction [m]."""

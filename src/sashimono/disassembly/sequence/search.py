@@ -71,8 +71,17 @@ class OrderSearch:
         mended = run.mended()
         if mended is None or not mended[1]:
             candidates: list[Candidate] = [] if mended is None else [mended[0]]
+            alive, dead = 0, 0
             for first in run.starts(top):
-                candidates += run.grow(first.base, first.up, run.expected(first), width=run.width)
+                if alive == self._site.config.starts:
+                    break
+                if dead >> first.base.bit_length() - 1 & 1:
+                    continue
+                grown = run.grow(first.base, first.up, run.expected(first), width=run.width)
+                alive += bool(grown)
+                # what level 1 saw leave only without it may be held by another base, on whatever table
+                dead |= 0 if grown else first.base
+                candidates += grown
             best = run.best(candidates, may_turn=may_turn)
         else:
             best = run.best([mended[0]], may_turn=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -137,7 +137,7 @@ class SearchRun:
         return self._ways[key]
 
     def starts(self, top: bool) -> list[Candidate]:
-        """Return quick orders for bases and tables: those that cost least."""
+        """Return quick orders for bases and tables, those that cost least first."""
         found: list[Candidate] = []
         bases = self._bases(top)
         most = max(1, 2 * self._config.expansions // (len(self._units) ** 2 * len(bases)))
@@ -151,7 +151,7 @@ class SearchRun:
                 other.base == order.base and float(other.up @ order.up) > self._config.same_table for other in chosen
             ):
                 chosen.append(order)
-        return chosen[: self._config.starts]
+        return chosen
 
     def expected(self, order: Candidate) -> dict[int, float]:
         """Return, by unit, what it cost in this order to bring it as it was brought there, whatever came around it.
@@ -179,7 +179,7 @@ class SearchRun:
         scene = self._model.scene
         others = [unit.members for unit in self._units if unit.single and unit.members != first]
         others = [mask for mask in others if not any(w & mask for w in self._waiting_masks())]
-        least = self._config.least_base
+        least = self._config.least_base * max(scene.base_score(1 << part) for part in bits(self._start))
         others = [m for m in others if scene.base_score(m) >= least and m.bit_length() - 1 not in scene.fasteners]
         others.sort(key=lambda mask: (-round(scene.base_score(mask), 9), mask))
         return [first, *others[: self._config.bases - 1]]
@@ -384,31 +384,38 @@ class SearchRun:
     def turned(self, order: Candidate) -> list[Candidate]:
         """Return orders like this one in which the product is turned over once, for what does not come from above.
 
-        What comes from above on the other table is placed last, on that. All else keeps its order.
+        What comes from above on the other table is placed last, on that: only that, or all else as well that can come
+        from above there. The rest keeps its order.
         """
         above = self._model.config.above
         wanted = {e.unit.members for e in order.leaving if float(e.way.exit_direction @ order.up) < above}
+        everything = {entry.unit.members for entry in order.leaving}
         others = [n for n in self._normals(order.base) if float(n @ order.up) < self._config.same_table]
         others.sort(key=lambda normal: round(float(normal @ order.up), 6))
-        found = []
-        for up in others[: self._config.turned_tables] if wanted else []:
-            ways, remaining, last = self.ways(up), self._start, None
-            waiting = [entry.unit for entry in order.leaving]
-            leaving: list[Leaving] = []
-            while entry := self._from_above((u for u in waiting if u.members in wanted), ways, remaining, last, up):
-                leaving.append(entry)
-                waiting.remove(entry.unit)
-                remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
-            count, last = len(leaving), None
-            while waiting and (entry := self._first_of(waiting, self.ways(order.up), remaining, last)):
-                leaving.append(entry)
-                waiting.remove(entry.unit)
-                remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
-            turn = Turn(count=count, up=(float(up[0]), float(up[1]), float(up[2])))
-            changed = replace(order, leaving=tuple(leaving), turn=turn)
-            if count and count < len(leaving) and not waiting and self._can_be_turned(changed):
-                found.append(replace(changed, cost=self.cost(changed, exact=False)))
-        return found
+        tables = others[: self._config.turned_tables] if wanted else []
+        found = [self._turned_to(order, up, last) for up in tables for last in (wanted, everything)]
+        return [changed for changed in found if changed is not None]
+
+    def _turned_to(self, order: Candidate, up: Float[np.ndarray, "3"], wanted: Collection[int]) -> Candidate | None:
+        """The order in which what is wanted, and comes from above on a table, is placed last on that; None if nothing
+        is, or if the rest then cannot come."""
+        ways, remaining, last = self.ways(up), self._start, None
+        waiting = [entry.unit for entry in order.leaving]
+        leaving: list[Leaving] = []
+        while entry := self._from_above((u for u in waiting if u.members in wanted), ways, remaining, last, up):
+            leaving.append(entry)
+            waiting.remove(entry.unit)
+            remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
+        count, last = len(leaving), None
+        while waiting and (entry := self._first_of(waiting, self.ways(order.up), remaining, last)):
+            leaving.append(entry)
+            waiting.remove(entry.unit)
+            remaining, last = remaining & ~entry.unit.members, entry.way.direction_index
+        turn = Turn(count=count, up=(float(up[0]), float(up[1]), float(up[2])))
+        changed = replace(order, leaving=tuple(leaving), turn=turn)
+        if not count or count == len(leaving) or waiting or not self._can_be_turned(changed):
+            return None
+        return replace(changed, cost=self.cost(changed, exact=False))
 
     def _from_above(
         self, units: Iterable[Unit], ways: Ways, remaining: int, last: int | None, up: Float[np.ndarray, "3"]
