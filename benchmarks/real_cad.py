@@ -5,6 +5,10 @@
 Each assembly is planned by ``sashimono plan`` in a process of its own. Failures stay in the
 denominator, each with its reason. ``--second-opinion`` looks at every complete plan once more by a
 third route, exact boolean intersections along the motion (`second_opinion.py`).
+
+An input that is one bought part is refused as such ("bought whole"): it is neither planned nor a failure, and stays in
+the denominator. Complete plans in which loose parts were taken as bought (a bearing, a rod in its cylinder) are counted
+apart as well ("with sets").
 """
 
 from __future__ import annotations
@@ -22,8 +26,8 @@ from pathlib import Path
 from common import SHARED, chosen, kind_of, machine, parser, table, write_json
 from second_opinion import refutations
 
-LIMIT = 1800.0
-"""Seconds after which a run counts as crashed."""
+NOTHING = "nothing to assemble"
+"""What the command says of an input that is one bought part."""
 
 
 def main() -> None:
@@ -39,9 +43,16 @@ def main() -> None:
             print(f"{row['name']}: {row['status']}, exit {row['exit']}, {row['cpu_s']} s", file=sys.stderr, flush=True)
     summary = summarise(rows)
     write_json(options.json, {"machine": machine(), "summary": summary, "assemblies": rows})
-    print(table(("kind", "assemblies", "ended", "complete", "refuted", "median cpu s", "worst cpu s", "worst MB"),
-                ([kind, *values.values()] for kind, values in summary.items())))  # fmt: skip
+    columns = ("kind", "assemblies", "ended", "complete", "with fits", "with sets", "bought whole", "refuted")
+    print(
+        table(
+            (*columns, "median cpu s", "worst cpu s", "worst MB"),
+            ([kind, *values.values()] for kind, values in summary.items()),
+        )
+    )
     for row in rows:
+        for fit in row.get("fits", []):
+            print(f"- {row['name']}: fit declared, {' and '.join(fit['parts'])}, {fit['kind']}; {fit['reason']}")
         if row["status"] != "complete":
             print(f"- {row['name']} ({row['kind']}, {row['parts']} parts): {row['reason']}")
 
@@ -68,6 +79,8 @@ def measure(folder: Path, *, second: bool) -> dict:
             "peak_mb": round(usage.ru_maxrss / 1024),
         }
         path = Path(out) / "plan.json"
+        if process.returncode == 2 and errors and NOTHING in errors[-1]:
+            return row | {"status": "bought whole", "reason": errors[-1], "refuted": []}
         if process.returncode not in (0, 3) or not path.exists():
             return row | {"status": "crashed", "reason": errors[-1] if errors else "no plan.json", "refuted": []}
         plan = json.loads(path.read_text())
@@ -78,7 +91,10 @@ def measure(folder: Path, *, second: bool) -> dict:
         "grasps": sum(step["contact"] is not None for step in plan["steps"]),
         "subassemblies": sum("subassembly" in step for step in plan["steps"]),
         "timings": plan.get("timings"),
+        "fits": plan.get("fits", []),
         "reason": "; ".join(reasons(plan["unsolved"])),
+        "kept": [f"{entry['product']}: {entry['reason']}" for entry in plan["source"].get("kept", ())],
+        "sets": sum("members" in entry for entry in plan["source"].get("kept", ())),
     }
 
 
@@ -102,8 +118,11 @@ def summarise(rows: list[dict]) -> dict[str, dict]:
     return {
         kind: {
             "assemblies": len(group),
-            "ended": sum(row["exit"] in (0, 3) for row in group),
+            "ended": sum(row["exit"] in (0, 3) or row["status"] == "bought whole" for row in group),
             "complete": sum(row["status"] == "complete" for row in group),
+            "with_fits": sum(row["status"] == "complete" and bool(row.get("fits")) for row in group),
+            "with_sets": sum(row["status"] == "complete" and row["sets"] > 0 for row in group),
+            "bought_whole": sum(row["status"] == "bought whole" for row in group),
             "refuted": sum(bool(row["refuted"]) for row in group),
             "median_cpu_s": sorted(row["cpu_s"] for row in group)[len(group) // 2],
             "worst_cpu_s": max(row["cpu_s"] for row in group),

@@ -6,7 +6,7 @@ Reads the JSON and the meshes by itself, moves each part along its path in small
 the intersection with every placed and every resting part by manifold3d. Uses neither the planners nor
 `sashimono.verify`, but for the file reader. A pair is refuted where the intersection is deeper than in
 the assembled pose: where the deepest point shared exceeds the assembled depth plus the tolerance, or the
-tolerance alone once the two have come apart.
+tolerance alone once the two have come apart. A pair of which the plan declares a fit may go as deep as that.
 """
 
 from __future__ import annotations
@@ -42,27 +42,31 @@ def refutations(plan_path: Path, source: Path) -> list[str]:
     sizes = {part.name: extent(part.vertices_part, solids[part.name]) for part in assembly.parts}
     poses = {part["name"]: np.array(part["T_world_part"]) for part in plan["parts"]}
     out = wrong_places(plan, poses, assembly)
-    return out + against_steps(plan["steps"], Surfaces(assembly), solids, sizes, poses)
+    fits = {frozenset(fit["parts"]): fit["depth"] for fit in plan.get("fits", [])}
+    return out + against_steps(plan["steps"], Surfaces(assembly), solids, sizes, poses, fits)
 
 
-def against_steps(steps: list[dict], surfaces: Surfaces, solids: dict, sizes: dict, poses: dict) -> list[str]:
+def against_steps(
+    steps: list[dict], surfaces: Surfaces, solids: dict, sizes: dict, poses: dict, fits: dict
+) -> list[str]:
     """Return what speaks against steps that follow one another, and against those inside their subassemblies."""
     out = []
     for k, step in enumerate(steps):
         if "subassembly" in step:
-            out += against_steps(step["subassembly"]["steps"], surfaces, solids, sizes, poses)
+            out += against_steps(step["subassembly"]["steps"], surfaces, solids, sizes, poses, fits)
         others = {name: poses[name] for name in step["fixed"]}
         for later in steps[k + 1 :]:
             others |= {name: path(later, name, poses)[0] for name in members(later)}
         for name in members(step) if k else []:
-            out += against_part(name, path(step, name, poses), step["fixed"], others, surfaces, solids, sizes)
+            given = {other: fits.get(frozenset((name, other)), 0.0) for other in step["fixed"]}
+            out += against_part(name, path(step, name, poses), given, others, surfaces, solids, sizes)
     return out
 
 
 def against_part(
-    name: str, way: np.ndarray, fixed: list[str], others: dict, surfaces: Surfaces, solids: dict, sizes: dict
+    name: str, way: np.ndarray, given: dict, others: dict, surfaces: Surfaces, solids: dict, sizes: dict
 ) -> list[str]:
-    """Return what one part goes too deep into on its way."""
+    """Return what one part goes too deep into on its way; ``given`` has the placed parts, and the fit with each."""
     bodies = {other: placed(solids[other], T) for other, T in others.items()}
     tolerances = {other: TOLERANCE * min(sizes[name], sizes[other]) for other in others}
 
@@ -72,13 +76,14 @@ def against_part(
             return 0.0
         return surfaces.depth(here ^ bodies[other], {name: T, other: others[other]})
 
-    allowed = {other: depth(other, way[-1]) if other in fixed else 0.0 for other in others}
+    allowed = {other: depth(other, way[-1]) if other in given else 0.0 for other in others}
     found, out = set(), []
     # backwards from the assembled pose: once a pair has parted, its overlap excuses nothing any more
     for T in reversed(resampled(way)):
         for other in others:
             deep = depth(other, T)
-            if deep > allowed[other] + tolerances[other] and other not in found:
+            most = max(allowed[other] + tolerances[other], given.get(other, 0.0))
+            if deep > most and other not in found:
                 found.add(other)
                 out.append(
                     f"{name} is {deep * 1e3:.4g} mm deep in {other} on its way, "

@@ -110,7 +110,7 @@ def row_of(folder: Path, plan: AssemblyPlan, parts: Assembly) -> dict[str, Any]:
         "hands": most,
         "fixture": plan.fixture is not None,
         "turned_over": sum(step.turned for step in plan.all_steps),
-        "close_fits": sum(bool(step.fits) for step in plan.all_steps),
+        "close_fits": sum(bool(step.close_fits) for step in plan.all_steps),
         "floating": floating(plan, parts),
         "out_of_turn": 0.0 if plan.cost is None else plan.cost.terms["fasteners_out_of_turn"],
         "cost": None if plan.cost is None else plan.cost.total,
@@ -198,7 +198,7 @@ class Scene:
         self._poses = {part.name: part.T_world_part for part in parts.parts}
         joined = [(step.part, step.declared.other) for step in plan.all_steps if step.declared is not None]
         joined += [(step.part, other) for step in plan.all_steps if step.fastener for other in step.fastener.joins]
-        joined += [(fit.part, fit.other) for step in plan.all_steps for fit in step.fits]
+        joined += [(fit.part, fit.other) for step in plan.all_steps for fit in step.close_fits]
         self._touching = Touching(self._bodies, self._poses, config=StabilityConfig(), fastened=joined)
         self._pieces: dict[str, list[np.ndarray]] = {}
 

@@ -32,10 +32,10 @@ class TiltCase:
     def assembly(self, *, is_open: bool) -> Assembly:
         """Return the assembly, or its twin with the way blocked: parts ``fixed`` and ``moving``, in place."""
         fixed, moving = self.build(is_open)
-        return Assembly(parts=(_part("fixed", fixed), _part("moving", moving)))
+        return Assembly(parts=(part_of("fixed", fixed), part_of("moving", moving)))
 
 
-def _part(name: str, solid: Manifold) -> Part:
+def part_of(name: str, solid: Manifold) -> Part:
     assert solid.status() == manifold3d.Error.NoError, "a solid that is none"
     assert not solid.is_empty(), "a solid without volume"
     assert sum(piece.volume() > 0.0 for piece in solid.decompose()) == 1, "a part in pieces"

@@ -27,16 +27,16 @@ LEVELS = [
     {"geometry"},
     {"assembly", "plan", "bodies"},
     {"io"},
-    {"stability", "fasteners"},
+    {"stability", "fasteners", "bearings"},
     {"examination"},
     {"disassembly"},
-    {"motion"},
+    {"fits", "motion"},
     {"contact"},
-    {"tree", "bought"},
+    {"tree", "bought", "caged"},
     {"verify", "view"},
     {"d4pas", "revision"},
     {"learning"},
-    {"pipeline"},
+    {"pipeline", "replanning"},
     {"outputs", "console"},
     {"tasks", "exports"},
     {"notebook"},
@@ -71,6 +71,7 @@ ROOMS = {
         {"precedence", "bonds", "tools"},
         {"report"},
     ],
+    "fits": [{"config"}, {"shapes", "arms", "pressing", "piercing"}, {"find"}],
     "disassembly": [
         {"masks", "removal", "refusal", "tolerances"},
         {"separation", "placed_parts"},
@@ -88,7 +89,19 @@ ROOMS = {
 }
 """Lowest first; a room is a module or sub-package of a package. Those of one set do not import each other."""
 
-ALGORITHMS = {"geometry", "stability", "fasteners", "disassembly", "motion", "contact", "tree", "bought"}
+ALGORITHMS = {
+    "geometry",
+    "stability",
+    "fasteners",
+    "disassembly",
+    "fits",
+    "motion",
+    "contact",
+    "tree",
+    "bought",
+    "bearings",
+    "caged",
+}
 """Packages that compute; files are read and written above them."""
 
 SAME_LEVEL = {("plan", "assembly"), ("bodies", "assembly")}

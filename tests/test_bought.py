@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import manifold3d
 import pytest
 from manifold3d import Manifold
 from nested import Node, write_glb
 from solids import box, rod
 
+from sashimono.assembly import Kept
 from sashimono.bought import bought_by_name, find_bought
 from sashimono.cli import BAD_INPUT, OK, run
 from sashimono.errors import InputError
@@ -28,6 +30,24 @@ def bearing(at: tuple[float, float, float] = (0.0, 0.0, 0.0), elements: int = 10
     rollers = [roller.rotate([0.0, 0.0, 360.0 * k / elements]).translate(at) for k in range(elements)]
     races = [("outer", outer.translate(at)), ("inner", inner.translate(at))]
     return [*races, *((f"roller {k}", each) for k, each in enumerate(rollers))]
+
+
+def flat(path: Path, *solids: Node) -> Path:
+    """A file of parts side by side, without a product."""
+    return write_glb(path / "flat.glb", ("all", list(solids)))
+
+
+def thrust() -> list[Node]:
+    """Two washers with a groove, eight balls between them and their cage, about z."""
+    ball = Manifold.sphere(0.002, 24).translate((0.012, 0.0, 0.0))
+    balls = [ball.rotate((0.0, 0.0, 45.0 * k)) for k in range(8)]
+    groove = Manifold.revolve(manifold3d.CrossSection.circle(0.00205, 24).translate((0.012, 0.0)), 64)
+    washer = rod(0.016, 0.004, (0.0, 0.0, 0.0032), 64) - rod(0.008, 0.02, segments=64) - groove
+    cage = rod(0.015, 0.001, segments=64) - rod(0.009, 0.02, segments=64)
+    for each in balls:
+        cage -= each.scale((1.0, 1.0, 3.0))
+    washers = [("upper", washer), ("lower", washer.rotate((180.0, 0.0, 0.0)))]
+    return [*washers, ("cage", cage), *((f"ball {k}", each) for k, each in enumerate(balls))]
 
 
 def block(name: str = "UC like thing") -> Node:
@@ -94,6 +114,129 @@ def test_pins_through_a_flange_are_no_bearing(tmp_path: Path) -> None:
     assert find_bought(read_assembly(write_glb(tmp_path / "hub.glb", root))) == ()
 
 
+def test_bearings_in_a_file_without_products_are_told_by_their_shape(tmp_path: Path) -> None:
+    housing = box((0.04, 0.04, 0.03)) - rod(0.013, 0.05)
+    seal = rod(0.011, 0.001, (0.0, 0.0, 0.0035)) - rod(0.008, 0.02)
+    second = [(f"idler_{name}", solid) for name, solid in bearing((0.0, 0.0, 0.01))]
+    source = flat(tmp_path, ("housing", housing), *bearing(), ("seal", seal), ("shaft", rod(0.005, 0.06)), *second)
+    parts = read_assembly(source)
+    kept = find_bought(parts)
+    assert [(entry.product, len(entry.members), entry.reason) for entry in kept] == [
+        ("bearing", 13, "bought: a bearing, 10 rollers between races"),
+        ("idler", 12, "bought: a bearing, 10 rollers between races"),
+    ]
+    assert "seal" in kept[0].members
+    whole = keep_together(parts, kept)
+    assert whole.names == ("housing", "bearing", "shaft", "idler")
+    assert whole.source is not None
+    again = read_assembly(source, config=ReadConfig(kept=whole.source.kept))
+    assert again.names == whole.names
+    assert find_bought(parts, keep=["idl*"]) == kept
+    strange = Kept(product="x", reason="y", members=("shaft", "nosuch"))
+    with pytest.raises(InputError, match="no part 'nosuch', of which x is made"):
+        keep_together(parts, [strange])
+
+
+def test_two_rows_between_the_same_races_are_one_bearing(tmp_path: Path) -> None:
+    races = [(name, solid.scale((1.0, 1.0, 2.0))) for name, solid in bearing()[:2]]
+    rows = [(f"{name} {z}", solid.translate((0.0, 0.0, z))) for z in (-0.004, 0.004) for name, solid in bearing()[2:]]
+    (entry,) = find_bought(read_assembly(flat(tmp_path, *races, *rows, ("shaft", rod(0.005, 0.06)))))
+    assert entry.reason == "bought: a bearing, 20 rollers between races"
+
+
+def test_balls_between_washers_are_a_bearing(tmp_path: Path) -> None:
+    (entry,) = find_bought(read_assembly(flat(tmp_path, *thrust(), ("shaft", rod(0.008, 0.06)))))
+    assert (len(entry.members), entry.reason) == (11, "bought: a bearing, 8 balls between races")
+
+
+def pins_in_pockets() -> list[Node]:
+    """Round keys, half in a hub and half in the ring about it: they lock the two."""
+    pins = [rod(0.0015, 0.006, (0.0095, 0.0, 0.0), 24).rotate((0.0, 0.0, 60.0 * k)) for k in range(6)]
+    hub, ring = rod(0.0095, 0.006) - rod(0.006, 0.02), rod(0.013, 0.006) - rod(0.0095, 0.02)
+    for pin in pins:
+        hub, ring = hub - pin, ring - pin
+    return [("hub", hub), ("ring", ring), *((f"pin {k}", pin) for k, pin in enumerate(pins))]
+
+
+def pins_in_a_plate() -> list[Node]:
+    """Pins on a circle in one ring, and a disc in its middle."""
+    pins = [rod(0.0015, 0.012, (0.0095, 0.0, 0.0), 24).rotate((0.0, 0.0, 60.0 * k)) for k in range(6)]
+    plate = rod(0.013, 0.006) - rod(0.006, 0.02)
+    for pin in pins:
+        plate -= pin
+    disc = rod(0.006, 0.006) - rod(0.003, 0.02)
+    return [("plate", plate), ("disc", disc), *((f"pin {k}", pin) for k, pin in enumerate(pins))]
+
+
+def balls_in_pockets(lid: bool) -> list[Node]:
+    """Balls on a circle in pockets of one plate, with a plain lid on them or without."""
+    balls = [Manifold.sphere(0.002, 24).translate((0.012, 0.0, 0.0)).rotate((0.0, 0.0, 45.0 * k)) for k in range(8)]
+    plate = rod(0.016, 0.004, (0.0, 0.0, -0.002), 64) - rod(0.008, 0.02, segments=64)
+    for ball in balls:
+        plate -= ball
+    cover = rod(0.016, 0.004, (0.0, 0.0, 0.004), 64) - rod(0.008, 0.02, segments=64)
+    return [("plate", plate), *([("lid", cover)] if lid else []), *((f"ball {k}", b) for k, b in enumerate(balls))]
+
+
+def shaft_in_needles() -> list[Node]:
+    """Rollers that run on a long shaft, in a housing."""
+    housing = box((0.05, 0.05, 0.008)) - rod(0.0111, 0.02)
+    return [("housing", housing), ("shaft", rod(0.0079, 0.06) - rod(0.005, 0.1)), *bearing()[2:]]
+
+
+def planets() -> list[Node]:
+    """Five wheels with teeth around a sun, in a ring."""
+    tooth = box((0.001, 0.0005, 0.006), (0.0029, 0.0, 0.0))
+    wheel = rod(0.0026, 0.006)
+    for k in range(18):
+        wheel += tooth.rotate((0.0, 0.0, 20.0 * k))
+    wheels = [wheel.translate((0.0095, 0.0, 0.0)).rotate((0.0, 0.0, 72.0 * k)) for k in range(5)]
+    ring, sun = rod(0.016, 0.006) - rod(0.0129, 0.02), rod(0.0061, 0.006) - rod(0.003, 0.02)
+    return [("ring", ring), ("sun", sun), *((f"planet {k}", each) for k, each in enumerate(wheels))]
+
+
+@pytest.mark.parametrize(
+    "solids",
+    [
+        pins_in_pockets(),
+        pins_in_a_plate(),
+        balls_in_pockets(lid=False),
+        balls_in_pockets(lid=True),
+        shaft_in_needles(),
+        planets(),
+        [*bearing(elements=4)],
+        [bearing()[0], *bearing()[2:]],
+        [*bearing()[:2], *bearing()[2:7]],
+    ],
+    ids=["keys", "pins", "balls", "covered", "shaft", "planets", "four", "one-race", "one-side"],
+)
+def test_what_looks_like_a_bearing_and_is_none(tmp_path: Path, solids: list[Node]) -> None:
+    foot = ("foot", box((0.03, 0.03, 0.004), (0.0, 0.0, -0.05)))
+    parts = read_assembly(flat(tmp_path, *solids, foot))
+    assert any(len(names) >= 4 for names in parts.identical)
+    assert find_bought(parts) == ()
+
+
+def test_what_a_bearing_is_in_is_no_bearing(tmp_path: Path) -> None:
+    """A wheel with a bearing as a product of its own, and one whose bearing's parts lie loose in it."""
+    tyre = rod(0.02, 0.008) - rod(0.013, 0.02)
+    away = (0.06, 0.0, 0.0)
+    root = (
+        "all",
+        [
+            ("wheel", [("tyre", tyre), ("insert", bearing())]),
+            ("other", [("tyre 2", tyre.translate(away)), *((f"in {n}", s) for n, s in bearing(away))]),
+            ("shaft", rod(0.005, 0.06)),
+        ],
+    )
+    whole = read_assembly(write_glb(tmp_path / "wheels.glb", root))
+    kept = find_bought(whole)
+    assert [(entry.product, len(entry.members)) for entry in kept] == [("insert", 0), ("in", 12)]
+    merged = keep_together(whole, kept)
+    assert merged.names == ("tyre", "insert", "tyre 2", "in", "shaft")
+    assert [product.parts for product in merged.products] == [("tyre", "insert"), ("tyre 2", "in")]
+
+
 @pytest.mark.parametrize("closed", [True, False])
 def test_a_ball_that_cannot_leave_makes_a_bought_part(tmp_path: Path, *, closed: bool) -> None:
     cage = box((0.02, 0.02, 0.02)) - box((0.012, 0.012, 0.012 if closed else 0.05))
@@ -146,6 +289,17 @@ def test_a_bearing_is_planned_as_one_part_and_checked_as_one(
     plan = read_plan(tmp_path / "out" / "plan.json")
     assert read_plan_input(plan, tmp_path / "out" / "plan.json").names == tuple(plan.parts)
     assert run(["verify", str(tmp_path / "out" / "plan.json")]) == OK
+
+
+def test_a_bearing_alone_is_nothing_to_assemble(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = flat(tmp_path, *bearing())
+    asked = ["plan", str(source), "--out", str(tmp_path / "out"), "--no-contacts"]
+    assert run(asked) == BAD_INPUT
+    said = capsys.readouterr().err
+    assert "all 12 parts are one (bought: a bearing, 10 rollers between races): nothing to assemble" in said
+    assert "--flat takes it apart" in said
+    assert not (tmp_path / "out" / "plan.json").exists()
+    assert run([*asked, "--flat"]) == OK
 
 
 def test_keep_and_flat_contradict(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -86,11 +86,13 @@ class Product:
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
-    """A product that stays one part, because it is bought as one or because the user wants that."""
+    """A product, or a set of parts, that stays one part, because it is bought as one or because the user wants that."""
 
     product: str
     """The product, and the part that it became."""
     reason: str
+    members: tuple[str, ...] = ()
+    """The parts that it is made of, where the input has no such product: a bearing told by its shape."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,8 @@
-"""Which products of the file's tree are bought as one thing: bearings, motors, connectors.
+"""What of an input is bought as one thing: bearings, motors, connectors.
 
-They are told by their names, by rolling elements between races, or by balls that level 1 proves cannot leave. Nobody
-takes them apart, so that they are planned as one part each.
+Products of the file's tree are told by their names, by rolling elements between races, or by balls that level 1 proves
+cannot leave; bearings that are no product of their own, by their shape. Nobody takes these apart, so that they are
+planned as one part each.
 """
 
 from __future__ import annotations
@@ -11,17 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-import numpy as np
-from jaxtyping import Float
-
-from sashimono.assembly import Assembly, Kept, Part, Product
+from sashimono.assembly import Assembly, Kept, Product
+from sashimono.bearings import Bearing, BearingConfig, as_element, find_bearings, find_elements, is_between
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.config import SeparateConfig
 from sashimono.errors import InputError
-from sashimono.geometry.mesh import measures
 from sashimono.plan import Answer
-from sashimono.selection import matching
+from sashimono.selection import matching, shared_name
 
 _DESIGNATIONS = {
     "a ball bearing": r"6\d{2,4}[ _-]?(zz|2z|z|2rsr?|2rsh|rs|ddu|dd|llu|llb|vv|uu)|6[02389]\d{1,3}",
@@ -47,20 +45,12 @@ _NOUNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class BoughtConfig:
-    """What counts as a bearing by its shape."""
+    """What counts as bought."""
 
-    round: float = 0.04
-    """How much the extents of a ball, or across a roller, may differ, over their size."""
-    ball_volume: tuple[float, float] = (0.85, 1.02)
-    """Volume of a ball over that of a sphere of its extent: facets take some away."""
-    roller_volume: tuple[float, float] = (0.7, 1.02)
-    """The same of a roller, over a cylinder: chamfers and tapers take some away."""
-    elements: int = 5
-    """Fewest rolling elements of a bearing."""
-    circle: float = 0.03
-    """How far their middles may be off a circle, over its radius."""
-    race: float = 0.4
-    """How far a race may reach past the circle of the middles, over the radius of an element."""
+    bearing: BearingConfig = field(default_factory=BearingConfig)
+    """What counts as a bearing by its shape."""
+    product: float = 0.2
+    """How far a part may reach out of the bearing whose product it belongs to, over the rim's radius: a set screw."""
     separate: SeparateConfig = field(default_factory=SeparateConfig)
     """How it is asked whether a ball can leave."""
 
@@ -68,7 +58,7 @@ class BoughtConfig:
 def find_bought(
     assembly: Assembly, *, keep: Sequence[str] = (), config: BoughtConfig | None = None
 ) -> tuple[Kept, ...]:
-    """Return the products of an assembly that stay one part each, and why; the outer one of nested ones.
+    """Return what stays one part, and why: products, the outer one of nested ones, and bearings that are no product.
 
     Args:
         assembly: As it was read.
@@ -78,22 +68,44 @@ def find_bought(
     Raises InputError for a pattern that no product matches.
     """
     config = config or BoughtConfig()
+    bearings = find_bearings(assembly, config=config.bearing)
     names = [product.name for product in assembly.products]
+    own: list[str] = []
+    for bearing in bearings:
+        own.append(shared_name(bearing.parts, {*assembly.names, *names, *own}, "bearing"))
+    names += own
     if keep and not names:
         raise InputError(f"--keep {keep[0]}: the file has no products of several parts to keep together. Leave it out.")
     wanted = matching(names, keep, "--keep", what="product") if keep else ()
-    found: list[tuple[Product, str]] = []
+    products: dict[str, str] = {}
+    """Why each of them is kept, by name."""
+    taken: list[frozenset[str]] = []
+    """The parts of what is kept."""
     for product in assembly.products:
-        if any(set(product.parts) < set(outer.parts) for outer, _ in found):
+        said = bought_by_name(product.name)
+        if (product.name in wanted or said) and not any(outer >= set(product.parts) for outer in taken):
+            products[product.name] = "wanted: --keep" if product.name in wanted else f"bought: {said} by its name"
+            taken.append(frozenset(product.parts))
+    sets = []
+    for name, bearing in zip(own, bearings, strict=True):
+        product = _product_of(bearing, assembly, config)
+        parts = bearing.parts if product is None else frozenset(product.parts)
+        if any(parts & other for other in taken):
             continue
-        if product.name in wanted:
-            reason = "wanted: --keep"
+        if product is not None:
+            products[product.name] = f"bought: {bearing.words}"
+        elif all(parts >= set(p.parts) or parts <= set(p.parts) or not parts & set(p.parts) for p in assembly.products):
+            members = tuple(member for member in assembly.names if member in parts)
+            sets.append(Kept(product=name, reason=f"bought: {bearing.words}", members=members))
         else:
-            said = bought_by_name(product.name)
-            reason = f"bought: {said} by its name" if said else _by_shape(product, assembly, config)
-        if reason:
-            found.append((product, reason))
-    return tuple(Kept(product=product.name, reason=reason) for product, reason in found)
+            continue
+        taken.append(parts)
+    for product in reversed(assembly.products):  # the inner ones first: what a bearing is in is no bearing
+        if not any(set(product.parts) & other for other in taken) and (reason := _by_shape(product, assembly, config)):
+            products[product.name] = reason
+            taken.append(frozenset(product.parts))
+    kept = [Kept(product=p.name, reason=products[p.name]) for p in assembly.products if p.name in products]
+    return (*kept, *sets)
 
 
 def bought_by_name(name: str) -> str | None:
@@ -114,79 +126,27 @@ def bought_by_name(name: str) -> str | None:
     return None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Element:
-    """A ball or a roller."""
-
-    part: Part
-    is_ball: bool
-    radius: float
-    """[m]"""
-    middle: Float[np.ndarray, "3"]
-    """World [m]."""
+def _product_of(bearing: Bearing, assembly: Assembly, config: BoughtConfig) -> Product | None:
+    """The outermost product that is nothing but this bearing; None if there is none."""
+    core = {*bearing.elements, *bearing.races}
+    for product in assembly.products:
+        rest = set(product.parts) - bearing.parts
+        if core <= set(product.parts) and all(bearing.contains(assembly.part(n), config.product) for n in rest):
+            return product
+    return None
 
 
 def _by_shape(product: Product, assembly: Assembly, config: BoughtConfig) -> str:
-    """Why a product is bought by its shape, or ""."""
-    classes = [tuple(name for name in names if name in product.parts) for names in assembly.identical]
-    alike = [[element for name in names if (element := _element(assembly.part(name), config))] for names in classes]
-    for elements in alike:
-        if len(elements) >= config.elements:
-            others = [assembly.part(name) for name in product.parts if name not in {e.part.name for e in elements}]
-            if _between_races(elements, others, config):
-                kind = "balls" if elements[0].is_ball else "rollers"
-                return f"bought: a bearing, {len(elements)} {kind} between races"
-    balls = [e for name in product.parts if (e := _element(assembly.part(name), config)) is not None and e.is_ball]
-    if balls and _is_caged(balls[0].part.name, product, assembly, config):
-        return f"bought: {balls[0].part.name} is a ball that provably cannot leave the rest"
+    """Why a product is bought by its shape, or "": by elements between any parts, or by a caged ball."""
+    for alike in find_elements(assembly, config.bearing, among=product.parts):
+        others = [assembly.part(name) for name in product.parts if name not in {e.part.name for e in alike}]
+        if is_between(alike, others, config.bearing):
+            return f"bought: a bearing, {len(alike)} {'balls' if alike[0].is_ball else 'rollers'} between races"
+    elements = (as_element(assembly.part(name), config.bearing) for name in product.parts)
+    ball = next((element.part.name for element in elements if element is not None and element.is_ball), None)
+    if ball is not None and _is_caged(ball, product, assembly, config):
+        return f"bought: {ball} is a ball that provably cannot leave the rest"
     return ""
-
-
-def _element(part: Part, config: BoughtConfig) -> _Element | None:
-    """The part as a rolling element; None if it is none."""
-    mass = measures.mass_properties(part.vertices_world, part.faces)
-    edges = np.sort(np.ptp(part.vertices_part, axis=0))
-    if edges[2] - edges[0] > config.round * edges[2] or not _is_within(
-        mass.volume / (np.pi / 6.0 * float(np.mean(edges)) ** 3), config.ball_volume
-    ):
-        edges = np.sort(measures.inertia_extents(part.vertices_part, part.faces))
-        across = [(edges[0], edges[1], edges[2]), (edges[1], edges[2], edges[0])]
-        for a, b, length in across:
-            if b - a <= config.round * b and _is_within(
-                mass.volume / (np.pi / 4.0 * a * b * length), config.roller_volume
-            ):
-                return _Element(part=part, is_ball=False, radius=float(a) / 2.0, middle=mass.center)
-        return None
-    return _Element(part=part, is_ball=True, radius=float(edges[0]) / 2.0, middle=mass.center)
-
-
-def _is_within(value: float, limits: tuple[float, float]) -> bool:
-    return bool(limits[0] <= value <= limits[1])
-
-
-def _between_races(elements: Sequence[_Element], others: Sequence[Part], config: BoughtConfig) -> bool:
-    """Whether rolling elements lie on a circle, with one part inside of it and one outside, or one on either side."""
-    middles = np.array([element.middle for element in elements])
-    center = middles.mean(axis=0)
-    axis = np.linalg.svd(middles - center)[2][2]
-    around = np.linalg.norm(middles - center, axis=1)
-    circle = float(around.mean())
-    flat = np.abs((middles - center) @ axis).max()
-    if max(np.ptp(around), flat) > config.circle * circle:
-        return False
-    reach = config.race * elements[0].radius
-    inner = outer = below = above = False
-    for part in others:
-        offset = part.vertices_world - center
-        along = offset @ axis
-        radii = np.linalg.norm(offset - along[:, None] * axis, axis=1)
-        near = float(radii.max()) > circle - 3.0 * elements[0].radius
-        inner = inner or (bool(radii.max() <= circle + reach) and near)
-        outer = outer or bool(radii.min() >= circle - reach)
-        spans = bool(radii.min() < circle < radii.max())
-        below = below or (spans and bool(along.max() <= reach))
-        above = above or (spans and bool(along.min() >= -reach))
-    return (inner and outer) or (below and above and elements[0].is_ball)
 
 
 def _is_caged(name: str, product: Product, assembly: Assembly, config: BoughtConfig) -> bool:

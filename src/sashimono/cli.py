@@ -223,7 +223,10 @@ def plan(
         typer.Option(metavar="NAME", help="a product of INPUT's tree stays one part; repeatable; a name or a pattern"),
     ] = None,
     flat: Annotated[
-        bool, typer.Option("--flat", help="plan all parts side by side, whatever INPUT's product tree says")
+        bool,
+        typer.Option(
+            "--flat", help="plan all parts side by side, bearings and all, whatever INPUT's product tree says"
+        ),
     ] = False,
     stand_ins: Annotated[
         bool,
@@ -247,6 +250,13 @@ def plan(
             help="whether screws drawn without ridges are turned in, at the standard pitch of their diameter",
         ),
     ] = False,
+    declare_fits: Annotated[
+        bool,
+        typer.Option(
+            "--declare-fits/--no-declare-fits",
+            help="whether circlips, clips, snap arms and other elastic parts may give on their way, and are flagged",
+        ),
+    ] = True,
     hands: Annotated[int, typer.Option(min=1, metavar="N", help="hands there are to bring parts and to hold them")] = 2,
     explain_order: Annotated[
         bool, typer.Option("--explain-order", help="say of each step what else could have come, and why it did not")
@@ -291,6 +301,7 @@ def plan(
         "motion": motion,
         "resting": resting,
         "declare_threads": declare_threads,
+        "declare_fits": declare_fits,
         "wishes": wishes,
         "hands": hands,
         "explain_order": explain_order,

@@ -42,6 +42,7 @@ def plan_and_write(
     resting: Path | None = None,
     wishes: Wishes | None = None,
     declare_threads: bool = False,
+    declare_fits: bool = True,
     hands: int = 2,
     explain_order: bool = False,
     stand_ins: bool = True,
@@ -64,6 +65,7 @@ def plan_and_write(
         resting: A file with the table and resting poses of parts; None to lay all out.
         wishes: Base, table, precedences and parts left out, as the user wants them; written beside the plan.
         declare_threads: Whether screws drawn without ridges are turned in.
+        declare_fits: Whether elastic parts may give on their way, where a plan is otherwise incomplete.
         hands: How many hands there are.
         explain_order: Whether each step says what else could have come, and why it did not.
         stand_ins: Whether parts that are not closed are planned by closed bodies that contain them; else refused.
@@ -78,22 +80,26 @@ def plan_and_write(
     from sashimono.disassembly.sequence.greedy import SequenceConfig
     from sashimono.disassembly.sequence.products import ProductConfig
     from sashimono.disassembly.threads.declared import DeclareConfig
+    from sashimono.fits.config import FitConfig
     from sashimono.io.constraints_file import Wishes
-    from sashimono.io.kept import keep_together
     from sashimono.io.read import read_assembly
     from sashimono.io.resting_file import read_resting_poses
     from sashimono.motion import MotionConfig, TableConfig
     from sashimono.pipeline import PipelineConfig, plan_assembly
+    from sashimono.replanning import Input, plan_as_suggested
     from sashimono.tasks import write_results
 
     tool, asked = find_gripper(gripper), find_grippers(grippers)
     waiting = None if resting is None else read_resting_poses(resting)
     wishes = wishes or Wishes()
-    assembly = read_assembly(
-        source, unit=unit, config=replace(reading_options(split), exclude=wishes.exclude, stand_ins=stand_ins)
-    )
-    if not wishes.flat:
-        assembly = keep_together(assembly, find_bought(assembly, keep=wishes.keep))
+
+    def read(split: str) -> Input:
+        options = replace(reading_options(split), exclude=wishes.exclude, stand_ins=stand_ins)
+        apart = read_assembly(source, unit=unit, config=options)
+        return Input(apart=apart, kept=() if wishes.flat else find_bought(apart, keep=wishes.keep))
+
+    given = read(split)
+    assembly = given.assembly
     sequence = SequenceConfig(
         constraints=OrderConstraints(base=wishes.base, before=wishes.before, together=wishes.together),
         products=ProductConfig(enabled=not wishes.flat),
@@ -106,6 +112,7 @@ def plan_and_write(
             method=cast("Literal['cascade', 'physics', 'past']", method),
             algorithm1=Algorithm1Config(device=device),
             separate=replace(PipelineConfig().separate, declare=DeclareConfig(enabled=declare_threads)),
+            fits=FitConfig(enabled=declare_fits),
             gripper=tool,
             grippers=asked,
             contacts=contacts,
@@ -114,7 +121,10 @@ def plan_and_write(
             sequence=sequence,
             motion=MotionConfig(insertion=cast("Literal['removal', 'rrt']", motion), table=TableConfig(up=wishes.up)),
         )
-        found = plan_assembly(assembly, config=config, seed=seed, resting=waiting, progress=progress)
+        plan = partial(plan_assembly, config=config, seed=seed, resting=waiting, progress=progress)
+        assembly, found = plan_as_suggested(
+            given, plan, split=partial(read, "all") if split == "auto" else None, cages=not wishes.flat, note=note
+        )
     written = write_results(found, assembly, out, copied=source if copy_input else None, wishes=wishes)
     for line in summary_lines(found, assembly):
         say(line)

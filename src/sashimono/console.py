@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, few_words
-from sashimono.plan import AssemblyPlan, DeclaredHelix, OrderCost, Step, Unsolved
+from sashimono.plan import AssemblyPlan, DeclaredHelix, OrderCost, Step, Unsolved, fit_words
 from sashimono.reporting import event, reporting
 
 MAX_OVERLAPS = 5
@@ -57,16 +57,24 @@ def _line_progress(stage: str, done: int, total: int) -> None:
 def summary_lines(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     """Return the plan in words: a line for the whole, one a step in assembly order, one for each unsolved part."""
     verdict = "complete and verified" if plan.status == "complete" else "partial"
+    verdict += f", {fit_words(len(plan.fits))}" if plan.fits else ""
     width = max((len(name) for name in (*plan.parts, *(entry.name for entry in plan.products))), default=0)
     return [
-        f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed",
+        f"{verdict}: {len(plan.placed)} of {len(assembly)} parts placed{_bought_words(plan)}",
         plan.verdict,
         *([] if plan.cost is None else [_cost_line(plan.cost)]),
         *_step_lines(plan.steps, width, ""),
         *_unsolved_lines(plan, width),
+        *(f"fit declared: {' and '.join(fit.parts)}, {fit.kind}; {fit.reason}" for fit in plan.fits),
         *_product_lines(plan),
         *_overlap_lines(plan),
     ]
+
+
+def _bought_words(plan: AssemblyPlan) -> str:
+    """How many of the parts are sets of parts of the input that no product there holds together."""
+    count = sum(bool(entry.members) for entry in plan.source.kept)
+    return f", {count} of them several parts taken as bought (--flat: apart)" if count else ""
 
 
 PLANNED = {
@@ -80,7 +88,8 @@ PLANNED = {
 def _product_lines(plan: AssemblyPlan) -> Iterator[str]:
     """One for each product of the input's tree: what became of it, and why."""
     for entry in plan.source.kept:
-        yield f"product {entry.product}: one part, {entry.reason}"
+        what = f"{entry.product}: {len(entry.members)} parts are" if entry.members else f"product {entry.product}:"
+        yield f"{what} one part, {entry.reason}"
     for entry in plan.products:
         yield f"product {entry.name}: {PLANNED[entry.planned]}{f' ({entry.reason})' if entry.reason else ''}"
 
@@ -135,8 +144,8 @@ def _step_words(step: Step) -> str:
         words.append(_contact_words(step))
     if step.tool is not None and step.tool.reason is not None:
         words.append(f"{step.tool.name}: {step.tool.reason}")
-    if step.fits:
-        words.append(f"close fit with {few_words([*dict.fromkeys(fit.other for fit in step.fits)])}")
+    if step.close_fits:
+        words.append(f"close fit with {few_words([*dict.fromkeys(fit.other for fit in step.close_fits)])}")
     if step.held:
         words.append(f"hold {few_words(step.held)}")
     evidence = step.motion.evidence

@@ -238,7 +238,9 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
 def _note(step: Step) -> str:
     said = ["the product is turned over before"] if step.turned else []
     said += [f"then held: {' '.join(step.held_before)}"] if step.held_before else []
-    said += [f"close fit with {' '.join(dict.fromkeys(fit.other for fit in step.fits))}"] if step.fits else []
+    said += (
+        [f"close fit with {' '.join(dict.fromkeys(fit.other for fit in step.close_fits))}"] if step.close_fits else []
+    )
     reasons = (step.contact_reason, step.tool and step.tool.reason)
     return "; ".join([*said, *(reason for reason in reasons if reason)])
 

@@ -25,12 +25,15 @@ from sashimono.disassembly.sequence.nested import TakenApart, take_apart_by_prod
 from sashimono.disassembly.sequence.order import Orderer
 from sashimono.disassembly.sequence.products import Products
 from sashimono.errors import SashimonoError
+from sashimono.fits.config import FitConfig
+from sashimono.fits.find import find_fits, planned_depths
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
 from sashimono.plan import (
     Answer,
     AssemblyPlan,
+    DeclaredFit,
     Motion,
     PlannedProduct,
     RestingPoses,
@@ -62,6 +65,8 @@ class PipelineConfig:
     samples: SampleConfig = field(default_factory=SampleConfig)
     separate: SeparateConfig = field(default_factory=lambda: SeparateConfig(tilting=True))
     sequence: SequenceConfig = field(default_factory=SequenceConfig)
+    fits: FitConfig = field(default_factory=FitConfig)
+    """Which fits are declared where, with all parts rigid, some part has no motion; by method ``cascade`` only."""
     motion: MotionConfig = field(default_factory=MotionConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
     verify: VerifyConfig = field(default_factory=VerifyConfig)
@@ -151,7 +156,14 @@ def plan_assembly(
         if flat.worth > best.worth:
             reason = f"as one it could not be planned: {best.unsolved[0].part}: {best.unsolved[0].reason}"
             taken = replace(flat.taken, apart={group.name: reason for group in products.groups})
-            best = replace(flat, taken=taken)
+            best, products = replace(flat, taken=taken), side_by_side
+    fits = _find_fits(cascade, best, config, clock)
+    if fits:
+        giving = cascade.with_fits(planned_depths(assembly, fits, config=config.fits))
+        bending = Orderer(giving, bodies, config=sequence, stability=config.stability)
+        found = _best_attempt(planner, verifier, giving, bending, products, config, seed, progress, fits)
+        if found.worth[0] > best.worth[0]:
+            best, orderer = found, bending
     return _plan(assembly, bodies, orderer, verifier, best, config, seed, clock)
 
 
@@ -164,6 +176,7 @@ def _best_attempt(
     config: PipelineConfig,
     seed: int,
     progress: Progress,
+    fits: tuple[DeclaredFit, ...] = (),
 ) -> _Attempt:
     """Return the best of a few attempts, each of which does without what failed in those before."""
     _, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
@@ -191,6 +204,7 @@ def _best_attempt(
             config,
             (motion_rng, contact_rng),
             progress,
+            fits,
         )
         known = attempt.first
         refutations |= attempt.refutations
@@ -230,6 +244,8 @@ class _Attempt:
     refutations: Mapping[str, str]
     """What the check, or level 2, said of each part whose motion it refused."""
     verified: bool
+    fits: tuple[DeclaredFit, ...] = ()
+    """The fits that its steps need."""
 
     @property
     def left_out(self) -> bool:
@@ -265,6 +281,7 @@ def _attempt(
     config: PipelineConfig,
     rngs: tuple[np.random.Generator, np.random.Generator],
     progress: Progress,
+    fits: tuple[DeclaredFit, ...],
 ) -> _Attempt:
     assembly = planner.assembly
     count = len(assembly) - 1
@@ -290,7 +307,7 @@ def _attempt(
                 taken = replace(taken, found=orderer.improve(taken.found, refused=refused, up=up))
     found = taken.found
     level = planner.plan(found, motion_rng=rngs[0], contact_rng=rngs[1], progress=progress)
-    draft = _draft(assembly, level.table, level.steps, level.unsolved)
+    draft = _draft(assembly, level.table, level.steps, level.unsolved, fits)
     with planner.stage("verify"):
         report = verifier.check(draft)
     progress("verify", 1, 1)
@@ -309,7 +326,27 @@ def _attempt(
         contactless=judge.contactless(steps),
         refutations={entry.part: entry.reason for entry in (*level.failed, *judge.refuted)},
         verified=not (report.problems or unsolved),
+        fits=_needed(fits, steps, report.steps),
     )
+
+
+def _find_fits(cascade: Cascade, best: _Attempt, config: PipelineConfig, clock: _Clock) -> tuple[DeclaredFit, ...]:
+    """Return the fits with which the parts that hold one another may come apart; none where nothing is left over."""
+    if not (best.unsolved and config.fits.enabled and config.method == "cascade"):
+        return ()
+    with clock.stage("fits"):
+        unsolved = [entry.part for entry in best.unsolved]
+        return find_fits(cascade.parts, best.taken.found, unsolved, config=config.fits)
+
+
+def _needed(
+    fits: Sequence[DeclaredFit], steps: Sequence[Step], reports: Sequence[StepReport]
+) -> tuple[DeclaredFit, ...]:
+    """Return those of the fits without which some step that is kept would not hold."""
+    kept = {inner.part for step in steps for inner in step.all_steps}
+    every = [entry for report in reports for entry in report.all_steps() if entry.part in kept]
+    used = {frozenset(names) for entry in every for names, _ in entry.fits}
+    return tuple(fit for fit in fits if frozenset(fit.parts) in used)
 
 
 def _take_apart(
@@ -438,7 +475,13 @@ class _Judge:
         return replace(step.motion, evidence={**step.motion.evidence, **evidence})
 
 
-def _draft(assembly: Assembly, table: Table, steps: tuple[Step, ...], unsolved: tuple[Unsolved, ...]) -> AssemblyPlan:
+def _draft(
+    assembly: Assembly,
+    table: Table,
+    steps: tuple[Step, ...],
+    unsolved: tuple[Unsolved, ...],
+    fits: tuple[DeclaredFit, ...],
+) -> AssemblyPlan:
     return AssemblyPlan(
         status="partial" if unsolved else "complete",
         source=assembly.source or Source(path="", sha256="", unit="m"),
@@ -447,6 +490,7 @@ def _draft(assembly: Assembly, table: Table, steps: tuple[Step, ...], unsolved: 
         steps=steps,
         unsolved=unsolved,
         table=table,
+        fits=fits,
         overlaps=assembly.overlaps,
         identical=assembly.identical,
         notes=assembly.notes,
@@ -464,7 +508,7 @@ def _plan(
     clock: _Clock,
 ) -> AssemblyPlan:
     steps = _with_fasteners(attempt.steps, orderer)
-    draft = _draft(assembly, attempt.table, steps, attempt.unsolved)
+    draft = _draft(assembly, attempt.table, steps, attempt.unsolved, attempt.fits)
     status: Literal["complete", "partial"] = "complete" if attempt.verified else "partial"
     with clock.stage("stability"):
         held = replace(
@@ -510,7 +554,7 @@ def _with_fasteners(steps: Sequence[Step], orderer: Orderer) -> tuple[Step, ...]
     them."""
     out = []
     for step in steps:
-        step = replace(step, fits=orderer.fits_between(step.members, step.fixed))
+        step = replace(step, close_fits=orderer.close_fits_between(step.members, step.fixed))
         below = step.subassembly
         if below is not None:
             step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, orderer)))

@@ -144,7 +144,7 @@ class Fastening:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
+class CloseFit:
     """Two parts of which one is all around the other, drawn without clearance: taken to hold one another."""
 
     part: str
@@ -226,7 +226,7 @@ class Step:
     """What the part is, if it is a screw, bolt, nut or the like; None of any other part."""
     tool: Tool | None = None
     """What drives it, if it is a screw, bolt or nut with a drive."""
-    fits: tuple[Fit, ...] = ()
+    close_fits: tuple[CloseFit, ...] = ()
     """Close fits of what is brought with what is in place: both are rigidly joined from now on."""
     alternatives: tuple[Alternative, ...] | None = None
     """What else could have come here, and why it did not; None where that was not asked."""
@@ -395,6 +395,26 @@ class OrderCost:
     """What each counts."""
 
 
+FitKind = Literal["ring", "spring", "seal", "clip", "snap", "press"]
+"""An open ring (circlip, C-clip); a helical spring; an O-ring; a formed sheet; an arm with a lip; a press fit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclaredFit:
+    """Two parts of which one has to give on the way: they may go deeper into each other than any others.
+
+    The CAD has both rigid. That one gives is an assumption, from its shape.
+    """
+
+    parts: tuple[str, str]
+    """The one that gives, and the one that it gives way to."""
+    kind: FitKind
+    depth: float
+    """How deep the two may go into each other, all in all, anywhere on the way [m]."""
+    reason: str
+    """In words, with what has to give."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RestingPoses:
     """Where parts wait, given from outside: a tray, a feeder, what a camera saw."""
@@ -430,6 +450,8 @@ class AssemblyPlan:
     no step that takes more than ``hands``. None where that was not looked at."""
     cost: OrderCost | None = None
     """What the order costs; None where that was not counted."""
+    fits: tuple[DeclaredFit, ...] = ()
+    """Pairs of which one has to give on the way, declared so."""
     overlaps: tuple[Overlap, ...] = ()
     identical: tuple[tuple[str, ...], ...] = ()
     notes: tuple[str, ...] = ()
@@ -462,6 +484,8 @@ class AssemblyPlan:
             f"motions {len(moving)}/{len(moving) + len(self.unsolved)}",
             f"contacts {sum(step.contact is not None for step in moving)}/{len(moving)}",
         ]
+        if self.fits:
+            words.append(fit_words(len(self.fits)))
         if blocked := sum(step.tool is not None and not step.tool.access for step in moving):
             words.append(f"tools without room {blocked}")
         if self.executable is not None:
@@ -471,7 +495,7 @@ class AssemblyPlan:
             held = [max(len(step.held), len(step.held_before)) for step in self.all_steps]
             words += [
                 f"held {max(held, default=0)}",
-                *([f"by close fits {fits}"] if (fits := sum(bool(step.fits) for step in self.all_steps)) else []),
+                *([f"by close fits {fits}"] if (fits := sum(bool(step.close_fits) for step in self.all_steps)) else []),
                 f"turned over {sum(step.turned for step in self.all_steps)}",
                 f"fixture {few_words(parts) if parts else 'none'}",
                 "executable" if self.executable else f"not executable with {self.hands} hands",
@@ -494,6 +518,11 @@ def _contact_words(step: Step) -> str:
     if step.contact is None:
         return step.contact_reason or step.moved_by
     return f"{step.moved_by}, quality {step.contact.quality:.3f}" if step.contact.kind == "grasp" else step.moved_by
+
+
+def fit_words(count: int) -> str:
+    """Return how many fits are declared, in words."""
+    return f"{count} fit{'' if count == 1 else 's'} declared"
 
 
 def step_tables(steps: Sequence[Step], table: Table | None) -> tuple[Table | None, ...]:

@@ -8,9 +8,8 @@ from manifold3d import Manifold
 from solids import LEAD, bolt, rod
 
 from sashimono.geometry import se3
-from sashimono.verify import sweep as sweeping
 from sashimono.verify.body import SampledBody
-from sashimono.verify.helices import find_helices, laid_together
+from sashimono.verify.helices import find_helices, helix_tree, laid_together
 from sashimono.verify.sweep import Screws, Sweep, sweep
 
 
@@ -107,4 +106,31 @@ def test_stretches_are_joined_only_where_they_meet() -> None:
     assert np.abs(found - np.array([[1.0, 0.5], [1.0, 0.5], [3.0, 0.5]])).max() <= 0.125
     np.testing.assert_array_equal(first, [0.0, 5.0, 0.2])
     np.testing.assert_allclose(last, [2.0, 6.0, 0.3])
-    assert sweeping.laid_together is laid_together
+
+
+def test_a_tree_of_helices_holds_all_of_them() -> None:
+    rng = np.random.default_rng(0)
+    helix = rng.uniform([0.01, 0.0], [0.012, 0.003], (300, 2))
+    low = rng.uniform(0.0, 10.0, 300)
+    tree = helix_tree(helix, low, low + 20.0)
+    root = len(tree.reach) - 1
+    assert np.linalg.norm(helix - tree.helix[root], axis=1).max() <= tree.reach[root] + 1e-12
+    assert (tree.low[root], tree.high[root]) == (low.min(), low.max() + 20.0)
+    for node in np.flatnonzero(tree.first_child >= 0):
+        own = slice(tree.first_child[node], tree.first_child[node] + tree.child_count[node])
+        apart = np.linalg.norm(tree.helix[own] - tree.helix[node], axis=1)
+        assert (apart <= tree.reach[node] + 1e-12).all()
+        assert (tree.low[own] >= tree.low[node]).all()
+        assert (tree.high[own] <= tree.high[node]).all()
+    assert (tree.first_child < 0).sum() == 300
+
+
+def test_turns_of_a_run_are_told_as_times() -> None:
+    poses = unscrewed(3.0, LEAD, TILT)
+    path = Screws.between(np.concatenate([poses[:1] @ se3.make(None, np.array([0.0, 0.0, 0.01])), poses]))
+    found = path.helices(0.05)
+    assert found is not None
+    np.testing.assert_array_equal(found.run, [-1] + [0] * 9)
+    assert found.turned(0) == pytest.approx((0.0, 6.0 * np.pi))
+    times = found.times(0, np.array([0.0, np.pi, 6.0 * np.pi]))
+    np.testing.assert_allclose(times, [1.0, 1.0 + 1.5, 10.0], atol=1e-6)

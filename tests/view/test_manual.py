@@ -17,13 +17,15 @@ from view.view_example import HOSTILE_NAMES, NAMES, paired_blocks, stacked_block
 from sashimono.assembly import Assembly
 from sashimono.geometry import se3
 from sashimono.geometry.legs import Leg
-from sashimono.plan import AssemblyPlan, Fixture, Motion, Segment, Step
+from sashimono.plan import AssemblyPlan, DeclaredFit, Fixture, Motion, Segment, Step
+from sashimono.view.config import ViewConfig
 from sashimono.view.manual.camera import Stand, Subject, choose_glass, choose_stand, visibility
 from sashimono.view.manual.content import common_name, make_manual
 from sashimono.view.manual.drawing import Solid, look_from
 from sashimono.view.manual.page import render_manual, write_manual
 from sashimono.view.manual.pdf import find_browser, print_page
 from sashimono.view.manual.pictures import PictureConfig
+from sashimono.view.scene import make_scene
 from sashimono.view.words import ENGLISH, GERMAN, LANGUAGES, leg_words, length_words, way_lines, way_words
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -292,3 +294,19 @@ def test_print_makes_a_pdf(tmp_path: Path) -> None:
     assert pdf.startswith(b"%PDF")
     assert len(re.findall(rb"/Type\s*/Page\b", pdf)) >= 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["manual.html", "manual.pdf"]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_has_to_give_is_told_at_its_step(language: str) -> None:
+    plan, assembly = stacked_blocks()
+    fit = DeclaredFit(parts=("block_3", "block_2"), kind="snap", depth=0.35e-3, reason="elastic: 0.31 mm has to give")
+    bare, told = (render_manual(p, assembly, language=language, pictures=SMALL) for p in (plan, with_fit(plan, fit)))
+    words = LANGUAGES[language].gives.format(part="block_3", depth="0.35")
+    assert "".join(read(told).words).count(words) == 1
+    assert words not in "".join(read(bare).words)
+    scene = make_scene(with_fit(plan, fit), assembly, ViewConfig())
+    assert f"Fit declared: block_3 and block_2, snap; {fit.reason}" in scene.json["notes"]
+
+
+def with_fit(plan: AssemblyPlan, fit: DeclaredFit) -> AssemblyPlan:
+    return replace(plan, fits=(fit,))

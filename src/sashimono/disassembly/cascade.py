@@ -27,7 +27,7 @@ from sashimono.disassembly.separation import DeclaredThread, Separation, Stage
 from sashimono.disassembly.shared_bodies import SharedBodies
 from sashimono.disassembly.threads.declared import declared_removal
 from sashimono.disassembly.threads.stage import ThreadStage
-from sashimono.disassembly.threads.surface import Threads
+from sashimono.disassembly.threads.surface import Threads, search_unscrew
 from sashimono.disassembly.tilting.stage import TiltStage
 from sashimono.disassembly.translation.contact_normals import ContactNormals
 from sashimono.disassembly.translation.search import TranslationSearch
@@ -44,10 +44,18 @@ class Cascade:
     The same question has the same answer, whatever was asked before.
     """
 
-    def __init__(self, assembly: Assembly, bodies: Mapping[str, Body], *, config: SeparateConfig) -> None:
+    def __init__(
+        self,
+        assembly: Assembly,
+        bodies: Mapping[str, Body],
+        *,
+        config: SeparateConfig,
+        parts: PlacedParts | None = None,
+    ) -> None:
+        """Take in the parts and their bodies, and where they are at hand, the same parts as placed."""
         self.assembly = assembly
         self.config = config
-        self.parts = parts = PlacedParts(assembly, bodies, config=config.parts)
+        self.parts = parts = parts or PlacedParts(assembly, bodies, config=config.parts)
         self.blocking = Blocking(parts, config=config.blocking)
         self.shared = SharedBodies(parts, config=config.shared)
         self._threads = Threads(parts, config=config.unscrew)
@@ -74,7 +82,13 @@ class Cascade:
         )
         """In the order in which they are asked: the ones that cost least first. Tilting is there if it is wanted."""
         self._answers: dict[tuple[str, int, int], list[tuple[int, Separation]]] = {}
+        self._turned: dict[tuple[int, int, tuple[float, ...]], Removal | None] = {}
         self._declared: dict[tuple[int, int, tuple[float, ...]], tuple[Removal, DeclaredThread] | None] = {}
+
+    def with_fits(self, fits: Mapping[tuple[int, int], float]) -> Cascade:
+        """Return a cascade for the same parts, of which these pairs may go so deep into each other anywhere [m]."""
+        bodies = dict(zip(self.assembly.names, self.parts.bodies, strict=True))
+        return Cascade(self.assembly, bodies, config=self.config, parts=self.parts.with_fits(fits))
 
     def separate(self, part: int, remaining: int) -> Separation:
         """Return what all stages know about a part among the remaining ones (a mask)."""
@@ -102,12 +116,31 @@ class Cascade:
             reachable_only=reachable_only,
         )
 
-    def with_declared_thread(self, part: int, remaining: int, separation: Separation) -> Separation:
-        """Return a separation by one translation as one by a declared thread, where the part has one; else as it is."""
-        if not self.config.declare.enabled or separation.removal is None:
+    def with_thread(self, part: int, remaining: int, separation: Separation) -> Separation:
+        """Return a separation by one translation as one by a thread, where the part has one; else as it is.
+
+        Where ridges are drawn into each other, the overlap excuses a pull right through them. So whether there is a
+        thread is asked of a part that overlaps another. Where none is drawn, one may be declared.
+        """
+        if separation.removal is None:
             return separation
         others = remaining & ~(1 << part)
-        key = (part, others, tuple(separation.removal.exit_direction.tolist()))
+        direction = separation.removal.exit_direction
+        key = (part, others, tuple(direction.tolist()))
+        if key not in self._turned:
+            self._turned[key] = search_unscrew(
+                self._threads,
+                part,
+                self.shared.overlapping(part, bits(others)),
+                among=bits(others),
+                direction=direction,
+                max_traced=self.config.max_traced,
+            ).removal
+        turned = self._turned[key]
+        if turned is not None:
+            return replace(separation, removal=turned, stage=self.threads.name)
+        if not self.config.declare.enabled:
+            return separation
         if key not in self._declared:
             self._declared[key] = declared_removal(
                 self.shared, self._threads, part, bits(others), separation.removal, config=self.config.declare

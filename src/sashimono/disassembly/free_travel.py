@@ -48,8 +48,10 @@ def free_travel(
     length = min(length, _travel_past_box(a, b, T_b_a, along_b))
     if length <= 0.0:
         return np.inf
-    bare = parts.tolerances.translation * parts.scale(part, other) if tolerance is None else tolerance
-    limit = bare + float(parts.overlaps[part, other])
+    bare = parts.bare(part, other) if tolerance is None else tolerance
+    limit = parts.limit(part, other, parts.tolerances.translation)
+    if tolerance is not None:
+        limit = tolerance + float(parts.overlaps[part, other])
     travel = _advance_both(a, b, T_b_a, along_b, length=length, limit=limit, least_step=step)
     if travel == 0.0 or parts.overlaps[part, other] <= bare:
         return travel

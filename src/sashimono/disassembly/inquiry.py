@@ -33,11 +33,11 @@ class Inquiry:
     def separate(self, part: int, remaining: int, *, stages: Sequence[Stage] | None = None) -> Separation:
         """Return what all stages, or those given, know about a part: the first motion, or everything that was said.
 
-        A stage whose motions are proven not to exist is not asked.
+        A stage whose motions are proven not to exist is not asked, nor, of a part known to be held, one of any motions.
         """
         known = UNASKED
         for stage in self.stages if stages is None else stages:
-            if known.proven_for is stage.motions:
+            if known.rules_out(stage):
                 continue
             known = known.and_then(self.ask(stage, part, remaining))
             if known.answer is Answer.FREE:

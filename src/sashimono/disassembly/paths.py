@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,8 +13,8 @@ from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.straying import first_astray
 from sashimono.geometry import se3
-from sashimono.geometry.body import DeepestProbe
-from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between
+from sashimono.geometry.body import Body, DeepestProbe
+from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, between, shared_stops
 
 _STRIDES = (16, 1)
 """Every sixteenth probe is followed first: most blocked legs are blocked for these. All probes have the last word."""
@@ -22,6 +22,8 @@ _REFINE = 1.0 / 16.0
 """Where a leg stops is found to this share of the least step."""
 _ARC = np.pi / 12.0
 """A turn is bounded arc by arc of at most this angle [rad]."""
+_CELLS = (0.5, 0.25)
+"""Of samples, and of vertices, over the depth that turns may reach: so near to one another, helices count as one."""
 
 
 class Paths:
@@ -31,9 +33,25 @@ class Paths:
     The probes of both parts are followed with the least step of `Tolerances`.
     """
 
-    def __init__(self, parts: PlacedParts, part: int, others: Sequence[int], *, tolerance: float) -> None:
-        """Take in the parts, and the depth allowed beyond the assembled overlap, over the pair's scale."""
+    def __init__(
+        self,
+        parts: PlacedParts,
+        part: int,
+        others: Sequence[int],
+        *,
+        tolerance: float,
+        parted: Mapping[int, float] | None = None,
+        once_parted: float | None = None,
+    ) -> None:
+        """Take in the parts, and the depth allowed beyond the assembled overlap, over the pair's scale.
+
+        The paths are of a time when the part has come apart from those that are ``parted``: their overlap as assembled
+        is no excuse any more, and the depth given there is all that is allowed, over the pair's scale. To others it is
+        to be no deeper than ``once_parted`` once it has parted from them; than translations may be, if None.
+        """
         self.tolerance = tolerance
+        self.parted = parted or {}
+        self.once_parted = parts.tolerances.translation if once_parted is None else once_parted
         self.parts = parts
         self.part = part
         self.others = tuple(others)
@@ -81,12 +99,17 @@ class Paths:
         past = {other: self._past(D_start, rest, other, 1, fine) for other in self.near(D_start, twist=rest)}
         self.touched.update(other for other, first in past.items() if np.isfinite(first))
         stop = start + (u - start) * min(1.0, *past.values())
-        allowed = self.parts.limit(self.part, stopper, self.tolerance)
-        return max(0.0, stop - (fine * size + allowed) / rate), stopper
+        return max(0.0, stop - (fine * size + self.limit(stopper)) / rate), stopper
 
     def check(self, displacements: Float[np.ndarray, "waypoint 4 4"]) -> bool:
         """Return whether the part can follow the geodesics through all displacements."""
-        return all(self.advance(a, between(a, b))[1] is None for a, b in pairwise(displacements))
+        return all(self.advance(a, twist)[1] is None for a, twist in _stretches(displacements))
+
+    def limit(self, other: int) -> float:
+        """Return how deep the part may go into one other [m]."""
+        if other in self.parted:
+            return self.parted[other] * self.parts.scale(self.part, other)
+        return self.parts.limit(self.part, other, self.tolerance)
 
     def out(self, D: Float[np.ndarray, "4 4"], direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 4"]:
         """Return where the part is past the others' boxes when it goes straight from D along a unit direction."""
@@ -100,11 +123,13 @@ class Paths:
         """Return whether a checked path holds to the bare tolerance from where an overlapping pair first parts.
 
         The overlap in the assembled pose excuses a pair only until the two have come apart; before that, a deep one
-        only near to where it is (`first_astray`).
+        only near to where it is (`first_astray`). Of those that it has ``parted`` from, `check` asks as much.
         """
         parts = self.parts
         for other in self.others:
-            bare = parts.tolerances.translation * parts.scale(self.part, other)
+            if other in self.parted:
+                continue
+            bare = max(self.once_parted * parts.scale(self.part, other), float(parts.fits[self.part, other]))
             if parts.overlaps[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True
@@ -114,9 +139,9 @@ class Paths:
         parts = self.parts
         least = parts.tolerances.least_step * parts.smaller_size(self.part, other)
         T_b_world = se3.inverse(parts.poses[other])
+        apart = parts.tolerances.parted * parts.scale(self.part, other)
         parted = False
-        for a, b in pairwise(displacements):
-            twist = between(a, b)
+        for a, twist in _stretches(displacements):
             if not parted and np.isfinite(first_astray(parts, self.part, other, a, twist)):
                 return False
             rate, T_start = self.rate(a, twist), a @ self.T_assembled
@@ -124,9 +149,9 @@ class Paths:
             while not parted and start < 1.0:
                 deepest = DeepestProbe(self.body, parts.bodies[other], T_b_world @ se3.exp(start * twist) @ T_start)
                 depth = deepest.depth
-                parted = depth <= bare
-                while depth > bare and start < 1.0:
-                    start += max(depth - bare, least) / max(rate, least)
+                parted = depth <= apart
+                while depth > apart and start < 1.0:
+                    start += max(depth - apart, least) / max(rate, least)
                     depth = deepest.depth_at(T_b_world @ se3.exp(start * twist) @ T_start)
             if parted and start < 1.0:
                 D, rest = se3.exp(start * twist) @ a, (1.0 - start) * twist
@@ -171,11 +196,17 @@ class Paths:
         if twist is None:
             return corners.min(axis=0), corners.max(axis=0)
         screw = Screw.of(twist)
-        count = max(1, int(np.ceil(screw.angle / _ARC)))
-        sagitta = 0.0
+        farthest = 0.0
         if screw.angle > 0.0:
             farthest = float(np.linalg.norm(np.cross(corners - screw.point, screw.axis), axis=1).max())
-            sagitta = farthest * (1.0 - np.cos(0.5 * screw.angle / count))
+        if screw.angle > 2.0 * np.pi:
+            along = np.concatenate([(corners - screw.point) @ screw.axis] * 2)
+            along[len(corners) :] += float(screw.shift @ screw.axis)
+            rim = farthest * np.sqrt(np.maximum(1.0 - screw.axis**2, 0.0))
+            middles = screw.point + along[[along.argmin(), along.argmax()], None] * screw.axis
+            return middles.min(axis=0) - rim, middles.max(axis=0) + rim
+        count = max(1, int(np.ceil(screw.angle / _ARC)))
+        sagitta = farthest * (1.0 - np.cos(0.5 * screw.angle / count))
         steps = [se3.exp(k / count * twist) for k in range(count + 1)]
         swept = np.concatenate([se3.apply(step, corners) for step in steps])
         return swept.min(axis=0) - sagitta, swept.max(axis=0) + sagitta
@@ -198,25 +229,50 @@ class Paths:
         b = parts.bodies[other]
         size = parts.smaller_size(self.part, other)
         if limit is None:
-            limit = parts.limit(self.part, other, self.tolerance)
+            limit = self.limit(other)
         options = {"limit": limit, "least_step": least * size}
         T_b_world = se3.inverse(parts.poses[other])
         T_b_a = T_b_world @ D @ self.T_assembled
         T_a_b = se3.inverse(T_b_a)
         along_b = adjoint(T_b_world, twist)
         probes = se3.apply(T_b_a, self.body.probes[::stride])
-        first, steps = advance_along_screw(b.signed_distance, probes, along_b, **options)
+        stops = shared_stops(probes, along_b, self._cells(self.body, other, stride))
+        first, steps = advance_along_screw(b.signed_distance, probes, along_b, stops=stops, **options)
         self.traced += len(probes) + steps
         if first == 0.0:
             return 0.0
         scale = first if np.isfinite(first) else 1.0
         # seen from the part, the other moves the opposite way
         probes = se3.apply(T_a_b, b.probes[::stride])
-        second, steps = advance_along_screw(
-            self.body.signed_distance, probes, -scale * adjoint(T_a_b, along_b), **options
-        )
+        back = -scale * adjoint(T_a_b, along_b)
+        stops = shared_stops(probes, back, self._cells(b, other, stride))
+        second, steps = advance_along_screw(self.body.signed_distance, probes, back, stops=stops, **options)
         self.traced += len(probes) + steps
         return scale * second if np.isfinite(second) else first
+
+    def _cells(self, body: Body, other: int, stride: int) -> Float[np.ndarray, "probe"]:
+        """How near two helices are that count as one, for every so many of a body's probes [m]."""
+        count = len(body.probes)
+        cells = np.where(np.arange(count) < len(body.samples), *_CELLS)[::stride]
+        return cells * self.parts.tolerances.turning * self.parts.scale(self.part, other)
+
+
+def _stretches(
+    displacements: Float[np.ndarray, "waypoint 4 4"],
+) -> Iterator[tuple[Float[np.ndarray, "4 4"], Float[np.ndarray, "6"]]]:
+    """Where each stretch of a path begins, and its twist; what goes on along the same screw is one stretch."""
+    start, whole, last = displacements[0], np.zeros(6), np.zeros(6)
+    for a, b in pairwise(displacements):
+        twist = between(a, b)
+        if np.linalg.norm(twist[3:]) > 0.1 and np.abs(twist - last).max() <= 1e-9 * np.abs(twist).max():
+            whole = whole + twist
+        else:
+            if whole.any():
+                yield start, whole
+            start, whole = a, twist
+        last = twist
+    if whole.any():
+        yield start, whole
 
 
 def hit_by_removal(parts: PlacedParts, part: int, removal: Removal, among: Sequence[int]) -> int:

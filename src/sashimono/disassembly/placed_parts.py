@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import copy
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +25,8 @@ from sashimono.geometry.features.directions import (
     part_directions,
 )
 from sashimono.geometry.overlap import intersection_depth
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +72,8 @@ class PlacedParts:
         """By part: the smallest extent along an inertia axis [m]."""
         self.overlaps = assembled_overlaps(assembly, self.bodies)
         """By pair: how deep the two overlap in the assembled pose [m]. A motion may go as deep, until they part."""
+        self.fits = np.zeros_like(self.overlaps)
+        """By pair: how deep the two may go into each other anywhere, where a fit is declared [m]; else 0."""
         self.boxes = np.array([[v.min(axis=0), v.max(axis=0)] for v in self.vertices])
         """By part: least and greatest corner of its box in the world frame [m]."""
         self._walls = np.array([body.wall for body in self.bodies])
@@ -79,9 +85,23 @@ class PlacedParts:
         self.lines = merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions)
         """The world's axes, then the lines that all parts give."""
         self._places: dict[tuple[int, int], tuple[OverlapPlace, ...]] = {}
+        self._known: dict[tuple[object, ...], object] = {}
 
     def __len__(self) -> int:
         return len(self.bodies)
+
+    def with_fits(self, fits: Mapping[tuple[int, int], float]) -> PlacedParts:
+        """Return the same parts, of which these pairs may go so deep into each other anywhere [m]."""
+        other = copy.copy(self)
+        other.fits, other._places, other._known = np.zeros_like(self.overlaps), {}, {}
+        for (a, b), depth in fits.items():
+            other.fits[a, b] = other.fits[b, a] = depth
+        return other
+
+    @property
+    def allowances(self) -> Float[np.ndarray, "part part"]:
+        """By pair: how deep the two may go into each other beside any tolerance [m], to begin with."""
+        return np.maximum(self.overlaps, self.fits)
 
     @property
     def all_parts(self) -> int:
@@ -98,14 +118,18 @@ class PlacedParts:
         return float(min(self.sizes[a], self.sizes[b]))
 
     def limit(self, a: int, b: int, tolerance: float) -> float:
-        """Return how deep a pair may overlap on its way [m], for a tolerance over its scale."""
-        return float(self.overlaps[a, b] + tolerance * self.scale(a, b))
+        """Return how deep a pair may overlap on its way [m], for a tolerance over its scale; or its fit, if deeper."""
+        return float(max(self.overlaps[a, b] + tolerance * self.scale(a, b), self.fits[a, b]))
+
+    def bare(self, a: int, b: int) -> float:
+        """Return how deep a pair may be where no overlap as assembled excuses it [m], on a translation."""
+        return float(max(self.tolerances.translation * self.scale(a, b), self.fits[a, b]))
 
     def overlap_places(self, a: int, b: int) -> tuple[OverlapPlace, ...]:
         """Return the pieces of a pair's overlap as assembled, if it is an excuse only near to these; else nothing.
 
         An overlap that is shallow beside both parts and their walls is an excuse anywhere, and so is one of which no
-        boolean can be taken.
+        boolean can be taken, and one that is no deeper than a declared fit.
         """
         key = (min(a, b), max(a, b))
         if key not in self._places:
@@ -116,7 +140,8 @@ class PlacedParts:
         limits, depth = self.tolerances, float(self.overlaps[a, b])
         near = limits.shallow * self.smaller_size(a, b)
         solids = [self.bodies[k].solid for k in (a, b)]
-        if depth <= min(near, limits.shallow_wall * min(self._walls[a], self._walls[b])) or None in solids:
+        shallow = max(self.fits[a, b], min(near, limits.shallow_wall * min(self._walls[a], self._walls[b])))
+        if depth <= shallow or None in solids:
             return ()
         placed = [
             solid.transform(np.ascontiguousarray(self.poses[k][:3]))
@@ -132,6 +157,12 @@ class PlacedParts:
             field = SignedDistance(vertices, np.array(mesh.tri_verts).astype(np.int64))
             out.append(OverlapPlace(field=field, reach=reach))
         return tuple(out)
+
+    def once(self, key: tuple[object, ...], make: Callable[[], T]) -> T:
+        """Return what ``make`` returns; worked out once for each key, which says all that it depends on."""
+        if key not in self._known:
+            self._known[key] = make()
+        return cast(T, self._known[key])
 
     def parts_ahead(
         self, part: int, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], among: Sequence[int]

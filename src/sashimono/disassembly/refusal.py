@@ -15,7 +15,7 @@ class Refusal:
     direction_index: int | None
     """Direction in the blocking relation; None: every motion that is not one of its directions."""
     only_turned: bool = False
-    """Whether only the turn of a declared thread along the direction is refused; the straight pull is not."""
+    """Whether only the turn of a thread along the direction is refused; the straight pull is not."""
     among: int = 0
     """Mask of the parts that stood in the way: the way is refused while all of them are there; 0: always."""
 

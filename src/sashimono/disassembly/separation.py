@@ -52,12 +52,18 @@ class Separation:
     reason: str = ""
     traced: int = 0
     """Tracing steps that the answer took."""
+    is_held: bool = False
+    """Whether what holds the part leaves it one motion, which leads nowhere: motions of any kind need not be asked."""
     is_cut: bool = False
     """Whether the tracing steps that were left ran out: with more, the answer might be another."""
 
     def __post_init__(self) -> None:
         assert (self.answer is Answer.FREE) == (self.removal is not None), "free, and only then, with a witness"
         assert (self.answer is Answer.PROVEN_BLOCKED) == (self.proven_for is not None), "a proof is of some motions"
+
+    def rules_out(self, stage: Stage) -> bool:
+        """Return whether a stage need not be asked: its motions are proven not to exist, or the part is held."""
+        return self.proven_for is stage.motions or (self.is_held and stage.motions is MotionClass.ALL)
 
     def and_then(self, later: Separation) -> Separation:
         """Return what is known after a later stage: its motion if it found one, else the proof and what both say."""
@@ -70,6 +76,7 @@ class Separation:
             blocked_by=self.blocked_by or later.blocked_by,
             reason="; ".join(words for words in (self.reason, later.reason) if words),
             traced=self.traced + later.traced,
+            is_held=self.is_held or later.is_held,
             is_cut=self.is_cut or later.is_cut,
         )
 

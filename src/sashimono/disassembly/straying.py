@@ -14,7 +14,7 @@ from numba import njit
 
 from sashimono.disassembly.placed_parts import OverlapPlace, PlacedParts
 from sashimono.geometry import se3
-from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw
+from sashimono.geometry.distance.screw import Screw, adjoint, advance_along_screw, shared_stops
 from sashimono.geometry.distance.signed_distance import nearest
 
 
@@ -36,18 +36,30 @@ def first_astray(
     a, b = parts.bodies[part], parts.bodies[other]
     tolerance = parts.tolerances.translation * parts.scale(part, other)
     least = parts.tolerances.least_step * parts.smaller_size(part, other)
-    fields = _Joined(places)
-    # probes of the one that stays are near to the overlap, or far from it, once and for all
-    far = b.probes[fields.room(se3.apply(parts.poses[other], b.probes)) < 0.0]
+    fields, far = parts.once(("astray", part, other), lambda: _far_probes(parts, other, places))
     T_part_world = se3.inverse(D @ parts.poses[part])
     seen, back = se3.apply(T_part_world @ parts.poses[other], far), -adjoint(T_part_world, twist)
-    first, _ = advance_along_screw(a.signed_distance, seen, back, limit=tolerance, least_step=least)
+    # of points on one helix, as `Paths` has it
+    cells = np.full(max(len(far), len(a.probes)), 0.25 * parts.tolerances.turning * parts.scale(part, other))
+    stops = shared_stops(seen, back, cells[: len(seen)])
+    first, _ = advance_along_screw(a.signed_distance, seen, back, limit=tolerance, least_step=least, stops=stops)
     screw, probes = Screw.of(twist), np.ascontiguousarray(se3.apply(D @ parts.poses[part], a.probes))
     frame, stop = np.array([screw.axis, screw.point, screw.shift]), min(first, 1.0)
     limits = (tolerance, least, stop)
     T_other_world = np.ascontiguousarray(se3.inverse(parts.poses[other]))
-    moving = _first_astray(probes, frame, screw.angle, T_other_world, limits, b.signed_distance.arrays, *fields.arrays)
+    stops = shared_stops(probes, twist, cells[: len(probes)])
+    stops = np.ones(len(probes)) if stops is None else stops
+    field = b.signed_distance.arrays
+    moving = _first_astray(probes, frame, screw.angle, T_other_world, limits, stops, field, *fields.arrays)
     return min(first, float(moving))
+
+
+def _far_probes(
+    parts: PlacedParts, other: int, places: tuple[OverlapPlace, ...]
+) -> tuple[_Joined, Float[np.ndarray, "far 3"]]:
+    """The places of an overlap, and the probes of the part that stays that are far from them, once and for all."""
+    fields, probes = _Joined(places), parts.bodies[other].probes
+    return fields, probes[fields.room(se3.apply(parts.poses[other], probes)) < 0.0]
 
 
 class _Joined:
@@ -85,7 +97,9 @@ def _rooms(points, joined, starts, reaches):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def _first_astray(points, frame, angle, T, limits, field, joined, starts, reaches):  # pragma: no cover - compiled
+def _first_astray(
+    points, frame, angle, T, limits, stops, field, joined, starts, reaches
+):  # pragma: no cover - compiled
     """The u up to ``stop`` at which a moving point is first astray; infinite if none is.
 
     A point that has still to go to the box, to the tolerance, or out of where the overlap is an excuse, is not astray
@@ -104,7 +118,7 @@ def _first_astray(points, frame, angle, T, limits, field, joined, starts, reache
         if speed == 0.0:
             continue
         u = 0.0
-        while u < min(stop, out):
+        while u < min(stop, out, stops[k]):
             s, c = np.sin(u * angle), 2.0 * np.sin(0.5 * u * angle) ** 2
             px = points[k, 0] + s * ox + c * tx + u * shift[0]
             py = points[k, 1] + s * oy + c * ty + u * shift[1]

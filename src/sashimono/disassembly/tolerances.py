@@ -29,6 +29,12 @@ class Tolerances:
     (out of the last turn of a thread) hit between probes."""
     declared: float = 0.015
     """What the turn of a declared thread may reach."""
+    thread: float = 0.018
+    """What facets of two threads may reach while one turns in the other. They meet corner to face, and all corners are
+    probes, so that little is not seen: nine tenths of what a plan may reach."""
+    parted: float = 0.011
+    """Depth at which a pair that overlaps as assembled has parted on a path that turns: no later than the check has it
+    (half the plan's). An overlap that wavers about what translations may reach, as facets make it, has not ended."""
     thin_walls: float = 20.0
     """A pair's scale is at most so many thicknesses of either part's thin walls: shells never slip through."""
     shallow: float = 0.09
@@ -45,7 +51,7 @@ class Tolerances:
         for entry in fields(self):
             if not getattr(self, entry.name) > 0.0:
                 raise SashimonoError(f"tolerances: {entry.name} must be positive, is {getattr(self, entry.name)}")
-        for name in ("translation", "turning", "declared"):
+        for name in ("translation", "turning", "declared", "thread", "parted"):
             if not getattr(self, name) < self.plan:
                 raise SashimonoError(
                     f"tolerances: {name} ({getattr(self, name)}) must be less than plan ({self.plan}), or the check "

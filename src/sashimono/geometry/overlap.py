@@ -43,9 +43,15 @@ def intersection_depth(
         return centers, np.minimum(bounds, centers + reach)
 
     shared = common.to_mesh64()
-    triangles = np.array(shared.vert_properties)[:, :3][np.array(shared.tri_verts).astype(np.int64)]
+    corners = np.array(shared.vert_properties)[:, :3]
+    triangles = corners[np.array(shared.tri_verts).astype(np.int64)]
     at_centers, bounds = depths(triangles)
-    best, looked = float(at_centers.max()), len(triangles)
+    at_corners = np.maximum(
+        np.abs(first.signed_distance.query(se3.apply(T_first_second, corners))),
+        np.abs(second.signed_distance.query(corners)),
+    )
+    # ridges are deepest at a corner, and of a fine mesh the triangles alone are more than are looked at
+    best, looked = max(float(at_centers.max()), float(at_corners.max())), len(triangles)
     slack = accuracy * min(first.smallest_extent, second.smallest_extent)
     while looked < max_points:
         # the most promising first, and of all only those that may be deeper

@@ -1,4 +1,4 @@
-"""Products that stay one part: their surfaces united, in place of the parts that they are made of."""
+"""Products and other sets of parts that stay one part: their surfaces united, in place of what they are made of."""
 
 from __future__ import annotations
 
@@ -17,30 +17,26 @@ from sashimono.io.raw import ReadConfig
 
 
 def keep_together(assembly: Assembly, kept: Sequence[Kept], *, config: ReadConfig | None = None) -> Assembly:
-    """Return the assembly with each of these products as one part, called like the product.
+    """Return the assembly with each of these products, or sets of parts, as one part, called like the product.
 
     It takes the place, frame, and colour of the product's first part. Its source says what was kept; each is noted. Of
     two products of which one is inside the other, the outer one becomes a part. Two uses of one product become the same
     shape.
 
-    Raises InputError for a product that the assembly does not have, or where fewer than two parts would be left.
+    Raises InputError for a product or part that the assembly does not have, and where nothing is left to assemble.
     """
     if not kept:
         return assembly
     config = config or ReadConfig()
-    by_name = {product.name: product for product in assembly.products}
     where = assembly.source.path if assembly.source is not None else "the assembly"
-    if unknown := [entry.product for entry in kept if entry.product not in by_name]:
-        raise InputError(f"{where}: has no product {unknown[0]!r}. Plan it again, or plan it with --flat.")
-    chosen = [by_name[entry.product] for entry in kept]
+    chosen = [_product_of(entry, assembly, where) for entry in kept]
     outer = [p for p in chosen if not any(p is not q and set(p.parts) < set(q.parts) for q in chosen)]
     part_of = {name: product for product in outer for name in product.parts}
+    members_of = {product.name: product.parts for product in outer}
     merged: dict[str, Part] = {}
     for product in outer:
         members = [assembly.part(name) for name in product.parts]
-        like = next(
-            (n for n, other in merged.items() if _is_same([assembly.part(m) for m in by_name[n].parts], members)), None
-        )
+        like = next((n for n in merged if _is_same([assembly.part(m) for m in members_of[n]], members)), None)
         if like is None:
             made = replace(merge_parts(members, members[0].name), name=product.name, color=members[0].color)
         else:
@@ -53,9 +49,12 @@ def keep_together(assembly: Assembly, kept: Sequence[Kept], *, config: ReadConfi
             parts.append(part)
         elif part.name == product.parts[0]:
             parts.append(merged[product.name])
-    if len(parts) < 2:
-        raise InputError(f"{where}: kept together, it is {len(parts)} part; an assembly needs at least 2. Give --flat.")
     reasons = {entry.product: entry.reason for entry in kept}
+    if len(parts) < 2:
+        raise InputError(
+            f"{where}: all {len(assembly)} parts are one ({reasons[parts[0].name]}): nothing to assemble."
+            " --flat takes it apart."
+        )
     notes = [f"{p.name}: {len(p.parts)} parts kept together as one ({reasons[p.name]})" for p in outer]
     same = identical_shapes([(part.vertices_part, part.faces) for part in parts])
     source = assembly.source
@@ -69,6 +68,21 @@ def keep_together(assembly: Assembly, kept: Sequence[Kept], *, config: ReadConfi
         notes=(*assembly.notes, *notes),
         products=_remaining(assembly.products, part_of, len(parts)),
     )
+
+
+def _product_of(entry: Kept, assembly: Assembly, where: str) -> Product:
+    """The product of this name, or the parts that the entry names itself."""
+    if entry.members:
+        for name in entry.members:
+            if name not in assembly.names:
+                raise InputError(
+                    f"{where}: has no part {name!r}, of which {entry.product} is made. Plan it again, or with --flat."
+                )
+        return Product(name=entry.product, parts=tuple(n for n in assembly.names if n in entry.members))
+    for product in assembly.products:
+        if product.name == entry.product:
+            return product
+    raise InputError(f"{where}: has no product {entry.product!r}. Plan it again, or plan it with --flat.")
 
 
 def _is_same(first: Sequence[Part], second: Sequence[Part]) -> bool:

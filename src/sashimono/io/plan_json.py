@@ -18,10 +18,11 @@ from sashimono.plan import (
     Alternative,
     Answer,
     AssemblyPlan,
+    CloseFit,
     Contact,
+    DeclaredFit,
     DeclaredHelix,
     Fastening,
-    Fit,
     Fixture,
     Motion,
     MotionClass,
@@ -111,6 +112,7 @@ def _document(plan: AssemblyPlan) -> dict[str, Any]:
         "order": plan.order,
         "steps": [_step_document(step) for step in plan.steps],
         "unsolved": [_unsolved_document(entry) for entry in plan.unsolved],
+        **({"fits": [_fit_document(fit) for fit in plan.fits]} if plan.fits else {}),
         "overlaps": [
             {"first": o.first, "second": o.second, "volume": o.volume, "fraction": o.fraction} for o in plan.overlaps
         ],
@@ -129,7 +131,10 @@ def _tree_document(source: Source) -> dict[str, Any]:
     if source.products:
         out["products"] = [{"name": product.name, "parts": product.parts} for product in source.products]
     if source.kept:
-        out["kept"] = [{"product": entry.product, "reason": entry.reason} for entry in source.kept]
+        out["kept"] = [
+            {"product": e.product, "reason": e.reason, **({"members": e.members} if e.members else {})}
+            for e in source.kept
+        ]
     if source.stand_ins:
         out["stand_ins"] = [
             {"part": entry.part, "problem": entry.problem, "how": entry.how, "off": entry.off}
@@ -155,6 +160,10 @@ def _product_document(entry: PlannedProduct) -> dict[str, Any]:
     if entry.reason:
         out["reason"] = entry.reason
     return out
+
+
+def _fit_document(fit: DeclaredFit) -> dict[str, Any]:
+    return {"parts": fit.parts, "kind": fit.kind, "depth": fit.depth, "reason": fit.reason}
 
 
 def _alternative_document(entry: Alternative) -> dict[str, Any]:
@@ -215,8 +224,10 @@ def _step_document(step: Step) -> dict[str, Any]:
     if step.fastener is not None:
         fastener = step.fastener
         out["fastener"] = {name: getattr(fastener, name) for name in ("kind", "size", "axis", "point", "joins")}
-    if step.fits:
-        out["fits"] = [{"part": f.part, "with": f.other, "axis": f.axis, "point": f.point} for f in step.fits]
+    if step.close_fits:
+        out["close_fits"] = [
+            {"part": f.part, "with": f.other, "axis": f.axis, "point": f.point} for f in step.close_fits
+        ]
     if step.tool is not None:
         out["tool"] = _tool_document(step.tool)
         out["tool_access"] = step.tool.access
@@ -346,7 +357,10 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
                 source.get("stand_ins", ()),
                 lambda s: StandIn(part=s["part"], problem=s["problem"], how=s["how"], off=float(s["off"])),
             ),
-            kept=_each(source.get("kept", ()), lambda k: Kept(product=k["product"], reason=k["reason"])),
+            kept=_each(
+                source.get("kept", ()),
+                lambda k: Kept(product=k["product"], reason=k["reason"], members=tuple(k.get("members", ()))),
+            ),
         ),
         parts={part["name"]: np.array(part["T_world_part"], dtype=np.float64) for part in document["parts"]},
         products=_each(
@@ -363,6 +377,12 @@ def _plan(document: Mapping[str, Any]) -> AssemblyPlan:
         hands=document.get("hands", 2),
         executable=document.get("executable"),
         cost=_cost(document.get("cost")),
+        fits=_each(
+            document.get("fits", ()),
+            lambda f: DeclaredFit(
+                parts=(f["parts"][0], f["parts"][1]), kind=f["kind"], depth=f["depth"], reason=f["reason"]
+            ),
+        ),
         overlaps=_each(
             document.get("overlaps", ()),
             lambda o: Overlap(first=o["first"], second=o["second"], volume=o["volume"], fraction=o["fraction"]),
@@ -408,9 +428,9 @@ def _step(step: Mapping[str, Any]) -> Step:
         table=_turned(step),
         held_before=tuple(step.get("held_before", ())),
         fastener=_fastening(step.get("fastener")),
-        fits=_each(
-            step.get("fits", ()),
-            lambda f: Fit(part=f["part"], other=f["with"], axis=_triple(f["axis"]), point=_triple(f["point"])),
+        close_fits=_each(
+            step.get("close_fits", ()),
+            lambda f: CloseFit(part=f["part"], other=f["with"], axis=_triple(f["axis"]), point=_triple(f["point"])),
         ),
         tool=_tool(step.get("tool"), access=step.get("tool_access", False)),
         alternatives=None

@@ -44,7 +44,7 @@ class ReadConfig:
     """Whether a part whose surface cannot be closed is replaced by a closed body that contains it; else it is refused.
     """
     kept: tuple[Kept, ...] = ()
-    """Products of the file's tree that become one part each."""
+    """Products of the file's tree, and sets of parts, that become one part each."""
     weld: float = 1e-5
     """Where a surface is not closed, vertices nearer than this are welded; relative to the part's diagonal."""
     hole_area: float = 0.02

@@ -107,13 +107,15 @@ def densify(body: Body, poses: Float[np.ndarray, "pose 4 4"]) -> tuple[list[Floa
     """
     out, slack = [poses[0]], 0.0
     for T_a, T_b in pairwise(poses):
-        turn = float(np.linalg.norm(se3.log_so3(T_a[:3, :3].T @ T_b[:3, :3])))
+        twist = se3.log(se3.inverse(T_a) @ T_b)
+        turn = float(np.linalg.norm(twist[3:]))
         count = 1
         if turn > 1e-9:
             allowed = 0.02 * body.radius
             count = int(np.ceil(path_length(body, T_a, T_b) / allowed))
             slack = max(slack, allowed / 2.0)
-        out.extend(se3.interpolate(T_a, T_b, k / count) for k in range(1, count + 1))
+        out.extend(T_a @ se3.exp(k / count * twist) for k in range(1, count))
+        out.append(T_b)
     return out, slack
 
 

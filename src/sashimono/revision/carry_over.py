@@ -218,6 +218,11 @@ def carry_over(plan: AssemblyPlan, assembly: Assembly, changes: Sequence[PartCha
         ),
         table=table,
         fixture=carrier.fixture(plan.fixture),
+        fits=tuple(
+            replace(fit, parts=(names[fit.parts[0]], names[fit.parts[1]]))
+            for fit in plan.fits
+            if all(part in names for part in fit.parts)
+        ),
         overlaps=assembly.overlaps,
         identical=assembly.identical,
     )

@@ -37,7 +37,7 @@ def hold_plan(
         return plan
     screwed = [(step.part, step.declared.other) for step in plan.all_steps if step.declared is not None]
     fastened = [(step.part, other) for step in plan.all_steps if step.fastener for other in step.fastener.joins]
-    fitted = [(fit.part, fit.other) for step in plan.all_steps for fit in step.fits]
+    fitted = [(fit.part, fit.other) for step in plan.all_steps for fit in step.close_fits]
     known = touching or Touching(bodies, plan.parts, config=config)
     touching = known.with_fastened([*screwed, *fastened, *fitted])
     steps, fixture = _hold_level(plan.steps, plan.table, touching)

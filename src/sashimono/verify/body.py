@@ -117,6 +117,10 @@ class SampledBody:
         """
         return self._surface.contains(points)
 
+    def thickness_at(self, points: Float[np.ndarray, "n 3"], depths: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+        """Return how thick the body is at points inside it that are so deep: straight in from the nearest face [m]."""
+        return depths + self._surface.first_hit(points, -self.nearest_normal(points))
+
     def nearest_normal(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Return the outward normal of the face nearest to each point."""
         return self._normals[self._surface.nearest_face(points), 0]

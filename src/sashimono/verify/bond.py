@@ -36,7 +36,7 @@ def stated_bonds(plan: AssemblyPlan) -> dict[frozenset[str], StatedBond]:
     """Return the pairs of parts that a plan says are joined, each with the axis."""
     found: dict[frozenset[str], StatedBond] = {}
     for step in plan.all_steps:
-        for fit in step.fits:
+        for fit in step.close_fits:
             found[frozenset((fit.part, fit.other))] = StatedBond(fit.axis, fit.point, close=True)
         if step.fastener is not None and step.fastener.kind in THREADED:
             for other in step.fastener.joins:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -18,14 +18,16 @@ from sashimono.verify.body import SampledBody
 from sashimono.verify.bond import stated_bonds
 from sashimono.verify.compound import Compound
 from sashimono.verify.config import VerifyConfig
+from sashimono.verify.fits import fit_problems
 from sashimono.verify.grasp import Surroundings, contact_problems
 from sashimono.verify.holding import PlacedParts
 from sashimono.verify.overlap import AssembledOverlaps
-from sashimono.verify.pairs import PairFinding, check_pair, check_table, pair_tolerance
+from sashimono.verify.pairs import PairFinding, check_by_fit, check_pair, check_table, pair_tolerance
 from sashimono.verify.report import StepReport, VerifyReport
 from sashimono.verify.resting import resting_problems
 from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
-from sashimono.verify.sweep import HalfSpace, Screws
+from sashimono.verify.sweep import Screws
+from sashimono.verify.target import HalfSpace
 from sashimono.verify.tool import tool_problems
 from sashimono.verify.turning import stretch_after, tables_of, turn_problems
 
@@ -44,6 +46,7 @@ class Verifier:
         """Return what was found, as `verify_plan` does."""
         site = self._site.of(plan)
         problems, notes = plan_problems(plan, site.assembly, site.config)
+        problems += fit_problems(plan.fits, site.bodies, site.config)
         flat = [name for name, body in site.bodies.items() if body.volume <= 0.0]
         problems += [f"{name!r} is not a closed, outward surface: it cannot be checked" for name in flat]
         complete = plan.status == "complete"
@@ -53,7 +56,9 @@ class Verifier:
         else:
             steps = _check_level(plan.steps, plan.table, site)
             steps = _with_holds(plan, steps, plan.table, plan.fixture, _placed_parts(plan, site), site)
-        report = VerifyReport(problems=tuple(problems), steps=steps, notes=tuple(notes), complete=complete)
+        report = VerifyReport(
+            problems=tuple(problems), steps=steps, notes=tuple(notes), complete=complete, fits=len(plan.fits)
+        )
         executable = _executable(plan, report)
         if plan.executable and not executable:
             report = replace(report, notes=(*report.notes, "the plan is called executable, which does not hold"))
@@ -146,12 +151,15 @@ class _Site:
     overlaps: AssembledOverlaps
     config: VerifyConfig
     unsolved: frozenset[str] = frozenset()
+    fits: Mapping[frozenset[str], float] = field(default_factory=dict)
+    """By pair: how deep the two may go into each other, as the plan declares [m]."""
     findings: dict[tuple[object, ...], PairFinding] = field(default_factory=dict)
     """What was found of a part's path past another part, by all that it depends on."""
 
     def of(self, plan: AssemblyPlan) -> _Site:
-        """Return the site of a plan: with the parts that it leaves out."""
-        return replace(self, unsolved=frozenset(item.part for item in plan.unsolved))
+        """Return the site of a plan: with the parts that it leaves out, and the fits that it declares."""
+        fits = {frozenset(fit.parts): fit.depth for fit in plan.fits}
+        return replace(self, unsolved=frozenset(item.part for item in plan.unsolved), fits=fits)
 
     def forms(self, steps: Sequence[Step]) -> list[list[str]]:
         """What is wrong with the form of each of these steps, which follow one another."""
@@ -249,6 +257,7 @@ def _check_step(index: int, step: Step, later: Sequence[Step], table: Table | No
         against=worst.against if worst else None,
         pose=worst.pose if worst else None,
         queries=sum(finding.queries for finding in findings),
+        fits=tuple((finding.by_fit, finding.depth) for finding in findings if finding.by_fit is not None),
     )
 
 
@@ -300,4 +309,10 @@ class _Past:
         if key not in site.findings:
             options = {"overlaps": overlaps, "tolerance": tolerance, "config": site.config}
             site.findings[key] = check_pair(body, other, self.path, pose, **options)
+        found, declared = site.findings[key], site.fits.get(frozenset((body.name, name)))
+        if found.problem is None or declared is None or overlaps is None or declared <= tolerance:
+            return found
+        key = (*key, declared)
+        if key not in site.findings:
+            site.findings[key] = check_by_fit(body, other, self.path, pose, depth=declared, config=site.config)
         return site.findings[key]

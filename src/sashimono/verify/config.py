@@ -20,6 +20,19 @@ class VerifyConfig:
     """Overlap in the assembled pose, over the smaller part's smallest extent, up to which it is an excuse all along, as
     for a press fit, if it is less than ``relative_wall`` too. A deeper one excuses what is no farther from it than it
     is large, than twice its depth, or this."""
+    relative_fit: float = 0.15
+    """Most that a declared fit may be deep, over the smaller part's smallest extent, where neither part is thin."""
+    thin_fit: float = 0.15
+    """A part is thin in itself if twice its volume over its surface, over its middle extent, is at most this ..."""
+    hollow_fit: float = 0.65
+    """... and its volume, over that of its convex hull, at most this."""
+    give_thickness: float = 2.0
+    """Most that a fit with such a part may be deep, over twice its volume over its surface, ..."""
+    give_extent: float = 0.1
+    """... and over its middle extent."""
+    relative_through: float = 2.3
+    """Thickness of a part, over how deep the other one is in it there, up to which, in both parts at once, one slips
+    through the other: in the middle of a wall it is 2. No declared fit excuses that."""
     samples: int = 3000
     """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
     relative_resolution: float = 0.125

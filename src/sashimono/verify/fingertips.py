@@ -14,7 +14,7 @@ from sashimono.geometry import se3
 from sashimono.plan import Contact, Motion
 from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
-from sashimono.verify.sweep import HalfSpace
+from sashimono.verify.target import HalfSpace
 
 Around = Mapping[str, tuple[SampledBody, Float[np.ndarray, "4 4"]]]
 

@@ -19,7 +19,8 @@ from sashimono.verify.config import VerifyConfig
 from sashimono.verify.fingertips import span_of, tip_problems
 from sashimono.verify.pairs import pair_tolerance
 from sashimono.verify.push import push_problems
-from sashimono.verify.sweep import HalfSpace, Screws, sweep
+from sashimono.verify.sweep import Screws, sweep
+from sashimono.verify.target import HalfSpace
 
 _GRIPPER_LENGTHS = ("finger_width", "finger_thickness", "finger_length", "max_opening")
 _OPTIONAL_LENGTHS = ("tip_reach", "patch_radius", "opened")

@@ -1,9 +1,9 @@
-"""Samples that follow one another along a thread: of all that pass over the same helix, one is looked at.
+"""Samples that follow one another along a thread: what all that pass over the same helix sweep is looked at once.
 
 On a nut, a turn brings each vertex to where the next one was. Over a path of many turns about one axis at one pitch,
 all samples of equal radius and equal height over the thread sweep the same helix, each a stretch of it. So stretches
-are gathered by helix, laid together, and followed once, by a point that stands for all that pass within a small
-distance: it must stay that much less deep.
+are gathered by helix and laid together. Helices that are near one another are looked at as one, in a tree: a ball on
+the helix in the middle covers a piece of all of them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from sashimono.geometry import se3
 
 _LEAST_TURN = 2.0 * np.pi
 """A run that turns less [rad] is not worth it: no sample passes where another was."""
+_FANOUT = 4
 _SAME = 1e-6
 """Largest difference between stretches of one run: of directions, of pitches over the larger, of places over a size."""
 
@@ -33,6 +34,20 @@ class Helices:
     """By run: shift along the axis per turn by one radian [m]."""
     turn: Float[np.ndarray, "stretch"]
     """By stretch: turn about the run's axis [rad], with its sign."""
+
+    def turned(self, run: int) -> tuple[float, float]:
+        """Return the least and greatest turn from where a run begins [rad]."""
+        so_far = np.append(0.0, np.cumsum(self.turn[self.run == run]))
+        return float(so_far.min()), float(so_far.max())
+
+    def times(self, run: int, turned: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+        """Return when a run has turned as far from where it begins [rad], in stretches."""
+        stretches = np.flatnonzero(self.run == run)
+        turn = self.turn[stretches]
+        middles = np.cumsum(turn) - 0.5 * turn
+        beside = np.abs(turned[:, None] - middles) - 0.5 * np.abs(turn)
+        k = np.maximum(beside, 0.0).argmin(axis=1)
+        return stretches[k] + 0.5 + np.clip((turned - middles[k]) / turn[k], -0.5, 0.5)
 
     def invariants(
         self, run: int, points: Float[np.ndarray, "n 3"]
@@ -126,3 +141,52 @@ def laid_together(
     first = np.flatnonzero(begins)
     last = np.append(first[1:], len(low)) - 1
     return (cells[first] + 0.5) * cell, low[first], farthest[last]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HelixTree:
+    """Stretches of helices, and ever larger groups of neighbouring ones, all in one list; the root is the last."""
+
+    helix: Float[np.ndarray, "node 2"]
+    """Radius and height of the one in the middle [m]."""
+    reach: Float[np.ndarray, "node"]
+    """How far from it the others are [m]."""
+    low: Float[np.ndarray, "node"]
+    """Where the first of them begins [rad]."""
+    high: Float[np.ndarray, "node"]
+    """Where the last of them ends [rad]."""
+    first_child: Int[np.ndarray, "node"]
+    """-1 for the leaves."""
+    child_count: Int[np.ndarray, "node"]
+
+
+def helix_tree(helix: Float[np.ndarray, "n 2"], low: Float[np.ndarray, "n"], high: Float[np.ndarray, "n"]) -> HelixTree:
+    """Return a tree over stretches of helices: neighbours along a Morton curve, four at a time."""
+    start, span = helix.min(axis=0), max(float(np.ptp(helix, axis=0).max()), 1e-30)
+    cells = ((helix - start) / span * 65535.0).astype(np.int64)
+    code = np.zeros(len(helix), np.int64)
+    for bit in range(16):
+        for axis in range(2):
+            code |= ((cells[:, axis] >> bit) & 1) << (2 * bit + axis)
+    order = np.lexsort((low, code))
+    levels = [(helix[order], np.zeros(len(order)), low[order], high[order])]
+    first, count = [np.full(len(order), -1)], [np.zeros(len(order), np.int64)]
+    boxes, offset = (helix[order], helix[order]), 0
+    while len(levels[-1][0]) > 1:
+        starts = np.arange(0, len(levels[-1][0]), _FANOUT)
+        boxes = (np.minimum.reduceat(boxes[0], starts), np.maximum.reduceat(boxes[1], starts))
+        reach = 0.5 * np.linalg.norm(boxes[1] - boxes[0], axis=1)
+        begins, ends = np.minimum.reduceat(levels[-1][2], starts), np.maximum.reduceat(levels[-1][3], starts)
+        first.append(starts + offset)
+        count.append(np.diff(np.append(starts, len(levels[-1][0]))))
+        offset += len(levels[-1][0])
+        levels.append((0.5 * (boxes[0] + boxes[1]), reach, begins, ends))
+    arrays = [np.concatenate(values) for values in zip(*levels, strict=True)]
+    return HelixTree(
+        helix=arrays[0],
+        reach=arrays[1],
+        low=arrays[2],
+        high=arrays[3],
+        first_child=np.concatenate(first),
+        child_count=np.concatenate(count),
+    )

@@ -114,16 +114,30 @@ def _greatest(
 
 def sampled_depth(moving: SampledBody, fixed: SampledBody, T_fixed_moving: Float[np.ndarray, "4 4"]) -> float:
     """Return how deep the deepest surface sample of one lies inside the other [m], both ways; 0 if none does."""
-    depth = 0.0
-    for points, target, T in (
-        (moving.tree.leaves, fixed, T_fixed_moving),
-        (fixed.tree.leaves, moving, se3.inverse(T_fixed_moving)),
-    ):
-        seen = se3.apply(T, points)
-        seen = seen[target.box_distance(seen) <= 0.0]
-        if len(seen):
-            depth = max(depth, -float(target.distance(seen).min()))
-    return depth
+    return DeepestSample(moving, fixed, T_fixed_moving).depth
+
+
+class DeepestSample:
+    """The deepest surface sample of two bodies in each other in one pose, to be looked at in others."""
+
+    def __init__(self, moving: SampledBody, fixed: SampledBody, T_fixed_moving: Float[np.ndarray, "4 4"]) -> None:
+        self.depth = 0.0
+        """How deep it is [m]; 0 if none is inside."""
+        self._point, self._target, self._is_fixed = moving.tree.leaves[:1], fixed, False
+        for points, target, is_fixed in ((moving.tree.leaves, fixed, False), (fixed.tree.leaves, moving, True)):
+            seen = se3.apply(se3.inverse(T_fixed_moving) if is_fixed else T_fixed_moving, points)
+            near = np.flatnonzero(target.box_distance(seen) <= 0.0)
+            if len(near):
+                distances = target.distance(seen[near])
+                k = int(np.argmin(distances))
+                if -distances[k] > self.depth:
+                    self.depth = -float(distances[k])
+                    self._point, self._target, self._is_fixed = points[near[k : k + 1]], target, is_fixed
+
+    def depth_at(self, T_fixed_moving: Float[np.ndarray, "4 4"]) -> float:
+        """Return how deep that sample is in another pose [m], negative outside; the two overlap as deep at least."""
+        T = se3.inverse(T_fixed_moving) if self._is_fixed else T_fixed_moving
+        return -float(self._target.distance(se3.apply(T, self._point))[0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

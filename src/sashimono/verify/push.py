@@ -14,7 +14,7 @@ from sashimono.plan import Contact, Motion
 from sashimono.verify.body import SampledBody
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.fingertips import Around
-from sashimono.verify.sweep import HalfSpace
+from sashimono.verify.target import HalfSpace
 
 _GRAVITY = 9.81
 

@@ -31,6 +31,9 @@ class StepReport:
     """Where on the path: pose index, fractions between two poses."""
     queries: int = 0
     """Distance queries that the step took."""
+    fits: tuple[tuple[tuple[str, str], float], ...] = ()
+    """Pairs that go deeper into each other than they may without the fit that the plan declares of them, and how deep
+    [m]; a declared depth that they exceed as well is among the problems."""
     inside: tuple[StepReport, ...] = ()
     """What was found in the steps by which a subassembly was put together."""
 
@@ -59,7 +62,9 @@ class StepReport:
         if self.against is None:
             return f"{head}: touches nothing on its way"
         depth, allowed = self.max_penetration * 1e3, (self.allowed or 0.0) * 1e3
-        return f"{head}: deepest {depth:.4f} mm into {self.against} (allowed {allowed:.4f} mm)"
+        said = f"{head}: deepest {depth:.4f} mm into {self.against} (allowed {allowed:.4f} mm)"
+        given = (f"{names[1]} {1e3 * deep:.4f} mm" for names, deep in self.fits)
+        return said + (f"; a declared fit with {', '.join(given)}" if self.fits else "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +77,8 @@ class VerifyReport:
     notes: tuple[str, ...] = ()
     complete: bool = True
     """Whether the plan claims to place every part."""
+    fits: int = 0
+    """How many fits it declares: pairs that may go deeper into each other than any other."""
     executable: bool | None = None
     """Whether it can be carried out: complete, nothing wrong, a contact at every moving step, nothing falls unheld, and
     no step takes more hands than there are. None where the plan does not say what is held."""
@@ -88,6 +95,7 @@ class VerifyReport:
         if self.ok:
             verdict = f"verified: {len(steps)} steps hold"
             verdict += "" if self.complete else "; the plan is partial: not every part has a step"
+            verdict += f"; {self.fits} fit{'s' if self.fits != 1 else ''} declared" if self.fits else ""
             verdict += "" if self.executable is None else "; executable" if self.executable else "; not executable"
         else:
             verdict = f"refuted: {bad} of {len(steps)} steps do not hold, {len(self.problems)} problems of the plan"

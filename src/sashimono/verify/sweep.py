@@ -9,18 +9,19 @@ So nothing is jumped between poses, however thin; between samples, the spacing i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numba import njit
 
 from sashimono.geometry import se3
 from sashimono.verify.body import BallTree
-from sashimono.verify.helices import Helices, find_helices, laid_together
+from sashimono.verify.helices import Helices, find_helices
+from sashimono.verify.helix_sweep import sweep_helices
+from sashimono.verify.target import Target, signed_distance
 
 Ease = Callable[[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]], Float[np.ndarray, "n"]]
 """Given the balls' nodes, their centres in the target's frame and their signed distances: the distances that count.
@@ -28,44 +29,7 @@ These, too, must not change by more than a point travels."""
 
 _CHUNK = 40_000
 _MAX_PIECES = 16
-_CELL = 0.125
-"""Side of the cells in which helices count as one, over the limit."""
 _NO_ROTATION = 1e-8
-
-
-@runtime_checkable
-class Target(Protocol):
-    """What is not to be penetrated."""
-
-    def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]: ...
-
-    def distance(
-        self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None
-    ) -> Float[np.ndarray, "n"]: ...
-
-    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]: ...
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HalfSpace:
-    """Everything below the plane ``normal · x = offset``."""
-
-    normal: Float[np.ndarray, "3"]
-    offset: float
-
-    def distance(
-        self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None
-    ) -> Float[np.ndarray, "n"]:
-        """Return the height of each point over the plane [m]."""
-        return points @ self.normal - self.offset
-
-    def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Return the height, 0 below."""
-        return np.maximum(self.distance(points), 0.0)
-
-    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-        """Return which points are below."""
-        return self.distance(points) < 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,6 +84,10 @@ class Screws:
         rows["angle"][whole] *= time - whole
         rows["shift"][whole] *= time - whole
         return Screws(**rows)
+
+    def since(self, stretch: int) -> Screws:
+        """Return the path from the beginning of this stretch on."""
+        return Screws(**{entry.name: getattr(self, entry.name)[stretch:] for entry in fields(self)})
 
     def pose_at(self, time: float) -> Float[np.ndarray, "4 4"]:
         """Return the pose at this time, in stretches."""
@@ -284,21 +252,24 @@ def sweep(
     helices = path.helices(2.0 * float(tree.radii[tree.root])) if ease is None else None
     if helices is None:
         return search.run([whole])
-    found = search.run([whole], aside=helices)
-    if not found.holds or not search.aside:
-        return found
-    threads = search.follow(helices, resolution, max_queries=max_queries - found.queries)
-    if not threads.holds and not threads.exhausted:
-        # no sample itself was so deep: without a helix that stands for several, it may hold
-        threads = search.run(search.aside, queries=found.queries + threads.queries)
-        return replace(threads, depth=max(found.depth, threads.depth), near=np.union1d(found.near, threads.near))
-    return replace(
-        threads,
-        depth=max(found.depth, threads.depth),
-        at=found.at,
-        queries=found.queries + threads.queries,
-        near=found.near,
-    )
+    found = search.run([whole.take(np.flatnonzero(helices.run < 0))])
+    leaves = tree.first_child < 0
+    for run in range(len(helices.pitch)):
+        if not found.holds:
+            break
+        first = np.full(int(leaves.sum()), int(np.flatnonzero(helices.run == run)[0]))
+        starts, _ = path.locate(tree.leaves, tree.radii[leaves], first, np.zeros(len(first)))
+        options = {"limit": limit, "resolution": resolution, "max_queries": max_queries - found.queries}
+        thread = sweep_helices(helices, run, starts, tree.radii[leaves], target, **options)
+        found = Sweep(
+            holds=thread.holds,
+            exhausted=thread.exhausted,
+            depth=max(found.depth, thread.depth),
+            at=float(helices.times(run, np.array([thread.at]))[0]) if thread.depth > found.depth else found.at,
+            queries=found.queries + thread.queries,
+            near=np.union1d(found.near, np.round(helices.times(run, thread.near), 3)),
+        )
+    return found
 
 
 @dataclass(eq=False)
@@ -312,12 +283,10 @@ class _Search:
     resolutions: tuple[float, float]
     max_queries: int
     ease: Ease | None
-    aside: list[_Items] = field(default_factory=list)
-    """Stretches of samples along helices that were not followed."""
 
-    def run(self, stack: list[_Items], *, queries: int = 0, aside: Helices | None = None) -> Sweep:
-        """Return what becomes of these; samples that slide along a helix are set aside, if any are given."""
-        stack, limit = list(stack), self.limit
+    def run(self, stack: list[_Items]) -> Sweep:
+        """Return what becomes of these."""
+        stack, limit, queries = list(stack), self.limit, 0
         depth, at, beyond, near = -np.inf, 0.0, -np.inf, []
         while stack:
             items = stack.pop()
@@ -337,59 +306,10 @@ class _Search:
                 near.append(np.unique(np.round((open_.stretch + open_.u)[leaf], 3)))
             if beyond > limit or queries > self.max_queries:
                 break
-            if aside is not None and leaf.any():
-                slides = leaf & (travel > s + limit) & (aside.run[open_.stretch] >= 0)
-                if slides.any():
-                    self.aside.append(open_.take(np.flatnonzero(slides)))
-                    stays = np.flatnonzero(~slides)
-                    open_, s, travel, leaf = open_.take(stays), s[stays], travel[stays], leaf[stays]
             stack.extend(_cut(self.tree, open_, s, travel, leaf, limit, self.resolutions))
         else:
             return Sweep(holds=True, exhausted=False, depth=depth, at=at, queries=queries, near=_sorted(near))
         return Sweep(holds=False, exhausted=beyond <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
-
-    def follow(self, helices: Helices, resolution: float, *, max_queries: int) -> Sweep:
-        """Sweep the helices that the samples set aside follow, each once."""
-        cell = _CELL * self.limit
-        queries, depth = 0, -np.inf
-        for run in range(len(helices.pitch)):
-            own = [items.take(np.flatnonzero(helices.run[items.stretch] == run)) for items in self.aside]
-            items = _Items(**{name: np.concatenate([getattr(each, name) for each in own]) for name in vars(own[0])})
-            if not len(items.node):
-                continue
-            points, _ = self.path.locate_balls(self.tree, items)
-            helix, middle = helices.invariants(run, points)
-            reach = np.abs(helices.turn[items.stretch]) * items.half
-            helix, low, high = laid_together(helix, middle - reach, middle + reach, cell)
-            starts = helices.points(run, helix, low)
-            axis = helices.T_axis_target[run][2, :3]
-            turn = high - low
-            # one stretch for each helix, as a path of its own
-            screws = Screws(
-                before=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
-                after=np.broadcast_to(np.eye(4), (len(turn), 4, 4)),
-                axis=np.tile(axis, (len(turn), 1)),
-                point=np.tile(se3.inverse(helices.T_axis_target[run])[:3, 3], (len(turn), 1)),
-                angle=turn,
-                shift=(helices.pitch[run] * turn)[:, None] * axis,
-            )
-            count = np.arange(len(turn))
-            leaves = BallTree(
-                centers=starts,
-                radii=np.zeros(len(turn)),
-                first_child=np.full(len(turn), -1),
-                child_count=np.zeros(len(turn), np.int64),
-                between=np.zeros(len(turn), bool),
-                root=0,
-            )
-            half = np.full(len(turn), 0.5)
-            limit, left = self.limit - cell / np.sqrt(2.0), max_queries - queries
-            search = _Search(leaves, self.target, screws, limit, (resolution, resolution), left, None)
-            found = search.run([_Items(node=count, stretch=count, u=half, half=half)])
-            queries, depth = queries + found.queries, max(depth, found.depth)
-            if not found.holds:
-                return replace(found, queries=queries, depth=depth)
-        return Sweep(holds=True, exhausted=False, depth=depth, at=0.0, queries=queries, near=np.empty(0))
 
 
 def _sorted(times: list[np.ndarray]) -> np.ndarray:
@@ -405,10 +325,7 @@ def _look(
     travel = speed * items.half
     need = radii + travel - limit
     close = np.flatnonzero(target.box_distance(points) < need)
-    s = target.distance(points[close], need[close]) if len(close) else np.empty(0)
-    deep = np.flatnonzero(s < -limit)
-    if len(deep):  # where the surface meets itself, the nearest face can tell the wrong side: ask the whole of it
-        s[deep] = np.where(target.contains(points[close[deep]]), s[deep], -s[deep])
+    s = signed_distance(target, points[close], need[close], limit)
     raw, unsettled = s, s < need[close]
     if ease is not None and unsettled.any():
         s = s.copy()

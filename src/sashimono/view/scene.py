@@ -158,7 +158,7 @@ def _step(
         "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
         "held": list(step.held),
-        "fits": [*dict.fromkeys(fit.other for fit in step.fits)],
+        "closeFits": [*dict.fromkeys(fit.other for fit in step.close_fits)],
         "turns": played.turns,
         "tool": None if step.tool is None else step.tool.name,
         "toolBlocked": None if step.tool is None else step.tool.reason,
@@ -224,6 +224,7 @@ def make_scene(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Vi
     timeline = make_timeline(plan, played, assembly, config)
     packer = Packer()
     notes = [*assembly.notes, *(note for note in plan.notes if note not in assembly.notes)]
+    notes += [f"Fit declared: {' and '.join(fit.parts)}, {fit.kind}; {fit.reason}" for fit in plan.fits]
     if shapes.decimated:
         notes.append("Meshes are simplified in this view; the plan was made with the full ones.")
     up = np.array(UP) if plan.table is None else plan.table.normal / np.linalg.norm(plan.table.normal)

@@ -72,6 +72,8 @@ class Words:
     """Where a tool has no room."""
     no_contact: str
     declared: str
+    gives: str
+    """Where an elastic part has to give on the way."""
     fitted: str
     unsolved: str
     unsolved_part: str
@@ -134,6 +136,7 @@ ENGLISH = Words(
     no_contact="The plan has no grasp here: place by hand.",
     fitted="The drawing shows no clearance at {parts}: it is taken to stay where it is pushed.",
     declared="The drawing shows no thread: the turns are those of a standard right-hand thread.",
+    gives="{part} has to give way, by up to {depth} mm.",
     unsolved="Parts without instructions",
     unsolved_part="{part}: no way in was found.",
     partial="{count} parts have no instructions: see the last page.",
@@ -197,6 +200,7 @@ GERMAN = Words(
     no_contact="Der Plan hat hier keinen Griff: von Hand einsetzen.",
     fitted="Die Zeichnung zeigt kein Spiel gegen {parts}: angenommen ist, dass es bleibt, wohin es geschoben wird.",
     declared="Die Zeichnung zeigt kein Gewinde: die Umdrehungen sind die eines üblichen Rechtsgewindes.",
+    gives="{part} muss nachgeben, um bis zu {depth} mm.",
     unsolved="Teile ohne Anleitung",
     unsolved_part="{part}: kein Weg hinein gefunden.",
     partial="{count} Teile haben keine Anleitung: siehe letzte Seite.",
@@ -263,6 +267,7 @@ JAPANESE = Words(
     no_contact="この部品の把持は計画にありません。手で取り付けてください。",
     fitted="図面では{parts}との間にすき間がありません。押し込んだ位置にとどまるものとします。",
     declared="図面にねじ山がありません。回転数は標準の右ねじによります。",
+    gives="{part} がたわみます(最大 {depth} mm)。",
     unsolved="手順のない部品",
     unsolved_part="{part}：組み込む経路が見つかりませんでした。",
     partial="{count}個の部品には手順がありません。最後のページを見てください。",

@@ -124,7 +124,7 @@ class Blocking:
         if classes[a, b] != depth_maps.OPEN:
             return bool(classes[a, b] == depth_maps.BLOCKED)
         if (line, a, b) not in self._fine:
-            size, overlap, faces = self.parts.smaller_size(a, b), self.parts.overlaps[a, b], self.parts.faces
+            size, overlap, faces = self.parts.smaller_size(a, b), self.parts.allowances[a, b], self.parts.faces
             stopped = depth_maps.pass_finely(
                 self._along(line, a), faces[a], self._along(line, b), faces[b],
                 max(self.config.pixel * size, 0.75 * overlap), self.config.window_cap,
@@ -173,7 +173,7 @@ class Blocking:
             classes = np.zeros((len(self), len(self)), np.uint8)
             depth_maps.classify(
                 parts.all_vertices @ frame.T, parts.vertex_start, all_faces, face_start, config.coarse_resolution,
-                parts.sizes, parts.overlaps, options, classes,
+                parts.sizes, parts.allowances, options, classes,
             )  # fmt: skip
             found.append(classes)
         return found
@@ -190,7 +190,7 @@ class Blocking:
             self._slabs[line] = (np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts))
         low, high = self._slabs[line]
         overlap = np.minimum(high[a] - low[b], high[b] - low[a]).min()
-        return bool(overlap <= self.parts.tolerances.translation * self.parts.scale(a, b))
+        return bool(overlap <= self.parts.bare(a, b))
 
     def _along(self, line: int, part: int) -> Float[np.ndarray, "vertex 3"]:
         key = (line, part)

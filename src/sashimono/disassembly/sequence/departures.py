@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.separation import Separation
 
@@ -31,14 +33,21 @@ class Departure:
 
     @property
     def path_refusal(self) -> Refusal:
-        """What is to be refused if its path does not hold: of a declared thread the turn, but not the straight pull."""
-        is_turned = self.separation.declared is not None and self.separation.direction_index is not None
-        return replace(self.refusal, only_turned=is_turned)
+        """What is to be refused if its path does not hold: of a thread the turn, but not the straight pull."""
+        return replace(self.refusal, only_turned=self._is_turned)
+
+    @property
+    def _is_turned(self) -> bool:
+        """Whether it is turned by a thread where one translation would do."""
+        separation = self.separation
+        if separation.direction_index is None or separation.removal is None:
+            return False
+        return bool(np.abs(separation.removal.displacements[:, :3, :3] - np.eye(3)).max() > 1e-9)
 
     def avoids(self, refused: Collection[Refusal], others: int) -> bool:
         """Return whether none of these refusals is about this departure past these others (a mask), insides aside."""
-        s, declared = self.separation.direction_index, self.separation.declared
-        if declared is not None and is_refused(refused, self.members, s, others, only_turned=True):
+        s = self.separation.direction_index
+        if self._is_turned and is_refused(refused, self.members, s, others, only_turned=True):
             return False
         return not is_refused(refused, self.members, s, others)
 

@@ -367,7 +367,7 @@ class _Chooser:
             if separation is not None:
                 others = remaining & ~(1 << part)
                 if not is_refused(self.refused, 1 << part, direction_index, others, only_turned=True):
-                    separation = self.cascade.with_declared_thread(part, remaining, separation)
+                    separation = self.cascade.with_thread(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
 
@@ -395,7 +395,7 @@ class _Chooser:
                 said[part] = self._waiting(bits(waits))
                 continue
             known = said.get(part, UNASKED)
-            if known.proven_for is stage.motions:
+            if known.rules_out(stage):
                 continue
             separation = self.inquiry.ask(stage, part, remaining)
             if separation.answer is Answer.FREE:

@@ -25,7 +25,7 @@ from sashimono.fasteners.bonds import bonds
 from sashimono.fasteners.recognise import Fastener, find_fasteners
 from sashimono.fasteners.tools import tool_for
 from sashimono.geometry.body import Body
-from sashimono.plan import AssemblyPlan, Fastening, Fit, OrderCost, Tool
+from sashimono.plan import AssemblyPlan, CloseFit, Fastening, OrderCost, Tool
 from sashimono.stability import StabilityConfig, Touching, close_fit, embraces
 
 
@@ -84,7 +84,7 @@ class Orderer:
         return product_groups(self._cascade.assembly, self.fasteners, self._cascade.touching)
 
     @cached_property
-    def fits(self) -> tuple[Fit, ...]:
+    def close_fits(self) -> tuple[CloseFit, ...]:
         """Pairs of parts with a close fit. What is screwed, or laid around a screw, is none of these."""
         if not self._stability.close_fits:
             return ()
@@ -97,27 +97,27 @@ class Orderer:
                     continue
                 lines = np.concatenate([parts.part_lines[k], parts.part_lines[other]])
                 if (fit := close_fit(self._bare, name, names[other], lines)) is not None:
-                    found.append(Fit(part=name, other=names[other], axis=fit.axis, point=fit.point))
+                    found.append(CloseFit(part=name, other=names[other], axis=fit.axis, point=fit.point))
         return tuple(found)
 
-    def fits_between(self, brought: Collection[str], placed: Collection[str]) -> tuple[Fit, ...]:
+    def close_fits_between(self, brought: Collection[str], placed: Collection[str]) -> tuple[CloseFit, ...]:
         """Return the close fits of parts that are brought with parts in place."""
-        turned = (replace(fit, part=fit.other, other=fit.part) for fit in self.fits)
-        return tuple(fit for fit in (*self.fits, *turned) if fit.part in brought and fit.other in placed)
+        turned = (replace(fit, part=fit.other, other=fit.part) for fit in self.close_fits)
+        return tuple(fit for fit in (*self.close_fits, *turned) if fit.part in brought and fit.other in placed)
 
     @cached_property
     def touching(self) -> Touching:
         """What touches what; fasteners joined to what they are screwed into where that is all around them, and what
         has a close fit."""
         pairs = [(part, other) for part, fastening in self.fastenings.items() for other in fastening.joins]
-        pairs += [(fit.part, fit.other) for fit in self.fits]
+        pairs += [(fit.part, fit.other) for fit in self.close_fits]
         return self._bare.with_fastened(pairs)
 
     @cached_property
     def model(self) -> CostModel:
         """The cost."""
         up = np.array(self._config.up) / np.linalg.norm(self._config.up)
-        scene = OrderScene(self._cascade, self.fasteners, up=up, fits=self.fits)
+        scene = OrderScene(self._cascade, self.fasteners, up=up, close_fits=self.close_fits)
         wishes = resolve(self._config.constraints, self._cascade.assembly.names)
         return CostModel(scene=scene, touching=self.touching, config=self._config.cost, together=wishes.together)
 

@@ -141,8 +141,10 @@ def _measured(parts: PlacedParts, part: int, others: Sequence[int], interference
             f" {names[interference.other]}{beyond}"
             f" ({direction_name(interference.direction)}; {_mm(interference.tolerance)} is tolerated)"
         )
+    source = parts.assembly.source
+    kept = {entry.product for entry in source.kept} if source is not None else set()
     for one in (part, *others):
-        count = _count_solids(parts, one)
+        count = _count_solids(parts, one) if names[one] not in kept else 1
         if count > 1 and (one == part or (interference is not None and one == interference.other) or len(others) == 1):
             words += f"; {names[one]} is {count} separate solids that move as one: plan again with --split all"
     return words

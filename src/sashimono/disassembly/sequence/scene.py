@@ -15,7 +15,7 @@ from sashimono.fasteners.recognise import Fastener
 from sashimono.fasteners.tools import ToolWay, tool_ways
 from sashimono.geometry.features.directions import part_directions
 from sashimono.geometry.mesh.measures import inertia_extents
-from sashimono.plan import Fit
+from sashimono.plan import CloseFit
 
 
 class OrderScene:
@@ -27,7 +27,7 @@ class OrderScene:
         fasteners: Sequence[Fastener],
         *,
         up: Float[np.ndarray, "3"] | None = None,
-        fits: Sequence[Fit] = (),
+        close_fits: Sequence[CloseFit] = (),
     ) -> None:
         """Take in the parts, their fasteners and close fits; ``up`` is the file's own, +z if None."""
         assembly, parts = cascade.assembly, cascade.parts
@@ -60,7 +60,7 @@ class OrderScene:
             for k, f in self.fasteners.items()
             if f.kind in ("screw", "bolt", "nut", "circlip") and before[k]
         }
-        self._fits = fits
+        self._close_fits = close_fits
         self._fastener_mask = sum(1 << k for k in self.fasteners)
         self._slides: dict[tuple[int, int, bytes], float] = {}
         self._lines: dict[int, Float[np.ndarray, "line 3"]] = {}
@@ -148,12 +148,12 @@ class OrderScene:
 
     def _strung(self, part: int, direction: Float[np.ndarray, "3"]) -> int:
         """Mask of the parts that have a close fit with something on the line of a part's fit along a direction."""
-        own = [fit for fit in self._fits if self.names[part] in (fit.part, fit.other)]
+        own = [fit for fit in self._close_fits if self.names[part] in (fit.part, fit.other)]
         own = [fit for fit in own if abs(float(np.array(fit.axis) @ direction)) > 0.9999]
         found, partners = 0, 1 << part
         for fit in own:
             partners |= self.mask((fit.part, fit.other))
-            for other in self._fits:
+            for other in self._close_fits:
                 apart = np.cross(np.array(other.point) - np.array(fit.point), np.array(fit.axis))
                 along = abs(float(np.dot(other.axis, fit.axis)))
                 if along > 0.9999 and float(np.linalg.norm(apart)) < 1e-3 * self.size:

@@ -571,7 +571,7 @@ class SearchRun:
         )
         assert separation is not None, "the relation answers the same question the same way"
         if not is_refused(self._refused, unit.members, s, remaining & ~unit.members, only_turned=True):
-            separation = self._cascade.with_declared_thread(unit.part, remaining, separation)
+            separation = self._cascade.with_thread(unit.part, remaining, separation)
         return Departure(part=unit.part, members=unit.members, separation=separation)
 
     def _as_one(self, unit: Unit, direction_index: int, remaining: int) -> Departure:

@@ -84,18 +84,19 @@ class ContactSurface:
         for other in paths.near(D_a, twist=twist):
             limit = parts.limit(paths.part, other, paths.tolerance)
             least = _COARSER * parts.tolerances.least_step * parts.smaller_size(paths.part, other)
-            options = {"limit": limit, "least_step": least}
             T_other_part = self._inverse[other] @ T
             along = adjoint(self._inverse[other], twist)
             points = se3.apply(T_other_part, self.own)
-            u, steps = advance_along_screw(parts.bodies[other].signed_distance, points, along, **options)
+            field = parts.bodies[other].signed_distance
+            u, steps = advance_along_screw(field, points, along, limit=limit, least_step=least)
             paths.traced += len(points) + steps
             if np.isfinite(u):
                 return False
             # seen from the part, the other moves the opposite way
             T_part_other = se3.inverse(T_other_part)
             points = se3.apply(T_part_other, self.theirs[other])
-            u, steps = advance_along_screw(paths.body.signed_distance, points, -adjoint(T_part_other, along), **options)
+            field, back = paths.body.signed_distance, -adjoint(T_part_other, along)
+            u, steps = advance_along_screw(field, points, back, limit=limit, least_step=least)
             paths.traced += len(points) + steps
             if np.isfinite(u):
                 return False

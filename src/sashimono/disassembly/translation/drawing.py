@@ -82,7 +82,7 @@ class Drawing:
         if self._grown:
             return self._drawn[key], self._solid(other, self._origin, region.theirs, half)
         depth = tolerance * parts.smaller_size(self._part, other)
-        depth += parts.overlaps[self._part, other]
+        depth = max(depth + parts.overlaps[self._part, other], parts.fits[self._part, other])
         return self._drawn[key], self._solid(other, self._origin, region.theirs, half + max(2.0 * depth - share, 0.0))
 
     def _solid(self, part: int, origin: Float[np.ndarray, "3"], box: Int[np.ndarray, "2 3"], radius: float) -> Drawn:

@@ -61,6 +61,7 @@ def advance_along_screw(
     *,
     limit: float,
     least_step: float,
+    stops: Float[np.ndarray, "n"] | None = None,
 ) -> tuple[float, int]:
     """Return the u in [0, 1] at which a point moved by ``exp(u twist)`` is first deeper than ``limit``, and the work.
 
@@ -69,16 +70,61 @@ def advance_along_screw(
     Sphere tracing along each point's helix, everything in the mesh frame: a point that is d outside cannot be
     deeper than the limit before it has gone d + limit, so only dips shorter than ``least_step`` [m] are jumped. While
     the triangle that was closest stays within the limit, the point is no deeper, and no other is looked at.
+
+    Args:
+        field: Of the mesh.
+        points: What moves, in the mesh frame [m].
+        twist: Spatial, in the mesh frame.
+        limit: Allowed depth [m].
+        least_step: Shortest step [m].
+        stops: Up to which u each point is followed; all the way if None. See `shared_stops`.
     """
     screw = Screw.of(twist)
     points = np.ascontiguousarray(points, dtype=np.float64)
     frame = np.array([screw.axis, screw.point, screw.shift])
-    travel, steps = _advance_along_screw(points, frame, screw.angle, limit, least_step, *field.arrays)
+    stops = np.ones(len(points)) if stops is None else stops
+    travel, steps = _advance_along_screw(points, frame, screw.angle, limit, least_step, stops, *field.arrays)
     return float(travel), int(steps)
 
 
+def shared_stops(
+    points: Float[np.ndarray, "n 3"], twist: Float[np.ndarray, "6"], cells: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n"] | None:
+    """Return up to which u each point has to be followed along a screw, as another comes after it; None: all the way.
+
+    A turn of a thread brings each of its points to where another one was. Of the points on one helix, by radius and by
+    height in the thread, each is followed to where the next one begins, the last one to the end.
+
+    Args:
+        points: What moves [m].
+        twist: Spatial; with a turn of less than half a circle, or without a shift, nothing is shared.
+        cells: By point: helices of equal cells that are nearer than this [m] are one.
+    """
+    screw = Screw.of(twist)
+    if screw.angle < np.pi or not len(points):
+        return None
+    lead = 2.0 * np.pi * abs(screw.pitch)
+    if lead < 4.0 * float(cells.max()):
+        return None
+    first = np.cross(screw.axis, np.eye(3)[int(np.argmin(np.abs(screw.axis)))])
+    first /= np.linalg.norm(first)
+    arms = points - screw.point
+    x, y, z = arms @ first, arms @ np.cross(screw.axis, first), arms @ screw.axis
+    turned = np.arctan2(y, x)
+    height = np.mod(z - screw.pitch * turned, lead)
+    at = (z - height) / screw.pitch
+    rows = np.floor(np.hypot(x, y) / cells).astype(np.int64)
+    columns = np.floor(height / cells).astype(np.int64)
+    order = np.lexsort((at, columns, rows, cells))
+    same = (cells[order][1:] == cells[order][:-1]) & (rows[order][1:] == rows[order][:-1])
+    same &= columns[order][1:] == columns[order][:-1]
+    stops = np.ones(len(points))
+    stops[order[:-1]] = np.where(same, np.minimum(np.diff(at[order]) / screw.angle, 1.0), 1.0)
+    return stops
+
+
 @njit(cache=True, nogil=True)
-def _advance_along_screw(points, frame, angle, limit, least_step, boxes, links, triangles, normals):
+def _advance_along_screw(points, frame, angle, limit, least_step, stops, boxes, links, triangles, normals):
     # pragma: no cover - compiled
     axis, center, shift = frame[0], frame[1], frame[2]
     travel = np.inf
@@ -94,7 +140,7 @@ def _advance_along_screw(points, frame, angle, limit, least_step, boxes, links, 
             continue
         u = 0.0
         closest = -1
-        while u <= min(1.0, travel):
+        while u <= min(stops[k], travel):
             s = np.sin(u * angle)
             c = 2.0 * np.sin(0.5 * u * angle) ** 2
             px = points[k, 0] + s * ox + c * tx + u * shift[0]

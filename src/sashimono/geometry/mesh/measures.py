@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from numba import njit
 
 from sashimono.geometry.mesh.extents import principal_extents
 
@@ -131,11 +132,29 @@ def winding_numbers(
 
     Sum of solid angles (van Oosterom & Strackee, 1983); for a few points, as each costs all faces.
     """
+    triangles = np.ascontiguousarray(vertices[faces], dtype=np.float64)
+    return _winding_numbers(np.ascontiguousarray(points, dtype=np.float64), triangles)
+
+
+@njit(cache=True, nogil=True)
+def _winding_numbers(points, triangles):  # pragma: no cover - compiled
     out = np.empty(len(points))
-    for k, point in enumerate(points):
-        a, b, c = np.moveaxis(vertices[faces] - point, 1, 0)
-        la, lb, lc = (np.sqrt(np.einsum("fi,fi->f", x, x)) for x in (a, b, c))
-        triple = np.einsum("fi,fi->f", a, np.cross(b, c))
-        dots = np.einsum("fi,fi->f", a, b) * lc + np.einsum("fi,fi->f", b, c) * la + np.einsum("fi,fi->f", c, a) * lb
-        out[k] = np.arctan2(triple, la * lb * lc + dots).sum() / (2.0 * np.pi)
+    for k in range(len(points)):
+        x, y, z = points[k]
+        turned = 0.0
+        for m in range(len(triangles)):
+            ax, ay = triangles[m, 0, 0] - x, triangles[m, 0, 1] - y
+            az = triangles[m, 0, 2] - z
+            bx, by = triangles[m, 1, 0] - x, triangles[m, 1, 1] - y
+            bz = triangles[m, 1, 2] - z
+            cx, cy = triangles[m, 2, 0] - x, triangles[m, 2, 1] - y
+            cz = triangles[m, 2, 2] - z
+            la = np.sqrt(ax * ax + ay * ay + az * az)
+            lb = np.sqrt(bx * bx + by * by + bz * bz)
+            lc = np.sqrt(cx * cx + cy * cy + cz * cz)
+            triple = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+            dots = (ax * bx + ay * by + az * bz) * lc
+            dots += (bx * cx + by * cy + bz * cz) * la + (cx * ax + cy * ay + cz * az) * lb
+            turned += np.arctan2(triple, la * lb * lc + dots)
+        out[k] = turned / (2.0 * np.pi)
     return out

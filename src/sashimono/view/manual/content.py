@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from sashimono.assembly import Assembly
 from sashimono.fasteners.recognise import Fastener, find_fasteners
-from sashimono.plan import AssemblyPlan, Fixture, Step, Subassembly, Table, Unsolved
+from sashimono.plan import AssemblyPlan, DeclaredFit, Fixture, Step, Subassembly, Table, Unsolved
 from sashimono.view.playback import UP
 
 _ALIKE_DIRECTION = 0.999
@@ -117,6 +117,8 @@ class Manual:
     hands: int
     """How many hands there are."""
     executable: bool | None
+    fits: tuple[DeclaredFit, ...] = ()
+    """Pairs of which one has to give on the way."""
 
     @property
     def tasks(self) -> tuple[Task, ...]:
@@ -142,6 +144,7 @@ def make_manual(plan: AssemblyPlan, assembly: Assembly) -> Manual:
         unsolved=plan.unsolved,
         hands=plan.hands,
         executable=plan.executable,
+        fits=plan.fits,
     )
 
 

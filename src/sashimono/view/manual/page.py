@@ -299,8 +299,11 @@ class _Page:
                 break
         if step.declared is not None:
             said.append(_escape(words.declared))
-        if step.fits:
-            others = [*dict.fromkeys(fit.other for fit in step.fits)]
+        for fit in self._manual.fits:
+            if any(len({*fit.parts} & {*each.members}) == 1 and {*fit.parts} & {*each.fixed} for each in task.steps):
+                said.append(_breakable(words.gives.format(part=fit.parts[0], depth=f"{1e3 * fit.depth:.2g}")))
+        if step.close_fits:
+            others = [*dict.fromkeys(fit.other for fit in step.close_fits)]
             said.append(_escape(words.fitted.format(parts=names_words(others, words))))
         return said
 

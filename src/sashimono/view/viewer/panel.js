@@ -64,7 +64,7 @@ function describeStep(step) {
   if (step.contact) facts.push(contactWords(step));
   else if (step.contactReason && step.poses.length > 1) facts.push(`no grasp: ${step.contactReason}`);
   if (step.toolBlocked) facts.push(`${step.tool}: ${step.toolBlocked}`);
-  if (step.fits.length) facts.push(`close fit with ${step.fits.join(", ")} (the CAD shows no clearance)`);
+  if (step.closeFits.length) facts.push(`close fit with ${step.closeFits.join(", ")} (the CAD shows no clearance)`);
   if (step.held.length) facts.push(`hold ${step.held.join(", ")}`);
   if (step.penetration !== null) facts.push(`overlap ${deepest([step])} allowed`);
   return facts.join(" · ");

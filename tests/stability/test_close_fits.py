@@ -16,7 +16,7 @@ from sashimono.disassembly.sequence.greedy import SequenceConfig
 from sashimono.disassembly.sequence.order import Orderer
 from sashimono.io.plan_json import plan_from_json, plan_to_json
 from sashimono.pipeline import PipelineConfig, plan_assembly
-from sashimono.plan import Fit
+from sashimono.plan import CloseFit
 from sashimono.stability import FitAxis, StabilityConfig, Touching, close_fit
 from sashimono.verify import verify_plan
 
@@ -71,15 +71,15 @@ def test_a_plan_says_what_fits_and_the_check_looks_at_it() -> None:
     plan = plan_assembly(parts, config=PipelineConfig(contacts=False))
     brought = plan.steps[-1]
     assert brought.held == ()
-    (fit,) = brought.fits
+    (fit,) = brought.close_fits
     assert {fit.part, fit.other} == {"plate", "wheel"}
     assert "by close fits 1" in plan.verdict
-    assert plan_from_json(plan_to_json(plan)).steps[-1].fits == brought.fits
+    assert plan_from_json(plan_to_json(plan)).steps[-1].close_fits == brought.close_fits
     assert not any(step.hold_problems for step in verify_plan(plan, parts).steps)
     # the same is said of another line, or of nothing: then the wheel slides down
-    beside = Fit(part=fit.part, other=fit.other, axis=fit.axis, point=(0.02, 0.0, 0.0))
+    beside = CloseFit(part=fit.part, other=fit.other, axis=fit.axis, point=(0.02, 0.0, 0.0))
     for said in ((beside,), ()):
-        wrong = replace(plan, steps=(*plan.steps[:-1], replace(brought, fits=said)))
+        wrong = replace(plan, steps=(*plan.steps[:-1], replace(brought, close_fits=said)))
         found = verify_plan(wrong, parts)
         assert "floats or tips" in " ".join(problem for step in found.steps for problem in step.hold_problems)
 
@@ -87,7 +87,7 @@ def test_a_plan_says_what_fits_and_the_check_looks_at_it() -> None:
 def test_fits_can_be_left_out_of_account() -> None:
     config = PipelineConfig(contacts=False, stability=StabilityConfig(close_fits=False))
     plan = plan_assembly(standing(), config=config)
-    assert plan.steps[-1].fits == ()
+    assert plan.steps[-1].close_fits == ()
     assert plan.steps[-1].held != ()
 
 
@@ -102,7 +102,7 @@ def test_what_goes_over_the_next_shaft_slides() -> None:
     bodies = make_bodies(parts)
     cascade = Cascade(parts, bodies, config=SeparateConfig())
     orderer = Orderer(cascade, bodies, config=SequenceConfig(), stability=StabilityConfig())
-    assert {frozenset((fit.part, fit.other)) for fit in orderer.fits} == {
+    assert {frozenset((fit.part, fit.other)) for fit in orderer.close_fits} == {
         frozenset(("plate", "wheel_1")),
         frozenset(("shaft", "wheel_2")),
     }
