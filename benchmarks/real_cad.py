@@ -84,7 +84,10 @@ def measure(folder: Path, *, second: bool) -> dict:
         if process.returncode not in (0, 3) or not path.exists():
             return row | {"status": "crashed", "reason": errors[-1] if errors else "no plan.json", "refuted": []}
         plan = json.loads(path.read_text())
-        refuted = refutations(path, folder) if second and plan["status"] == "complete" else []
+        try:
+            refuted = refutations(path, folder) if second and plan["status"] == "complete" else []
+        except Exception as error:  # hours of other rows are not lost for it; it counts against the plan
+            refuted = [f"the second opinion failed: {error!r}"]
     return row | {
         "status": plan["status"],
         "refuted": refuted,

@@ -4,9 +4,10 @@
 
 Reads the JSON and the meshes by itself, moves each part along its path in small steps and measures
 the intersection with every placed and every resting part by manifold3d. Uses neither the planners nor
-`sashimono.verify`, but for the file reader. A pair is refuted where the intersection is deeper than in
-the assembled pose: where the deepest point shared exceeds the assembled depth plus the tolerance, or the
-tolerance alone once the two have come apart. A pair of which the plan declares a fit may go as deep as that.
+`sashimono.verify`, but for the readers of files: they say which parts are split, and which stay together.
+A pair is refuted where the intersection is deeper than in the assembled pose: where the deepest point shared
+exceeds the assembled depth plus the tolerance, or the tolerance alone once the two have come apart. A pair of
+which the plan declares a fit may go as deep as that.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from sashimono.assembly import Assembly
-from sashimono.io.read import read_assembly
+from sashimono.io.plan_input import read_plan_input
+from sashimono.io.plan_json import plan_from_json
 
 POSES_PER_STEP = 60
 POINTS = 3000
@@ -37,7 +39,7 @@ def main() -> None:
 def refutations(plan_path: Path, source: Path) -> list[str]:
     """Return what speaks against a plan, a line each."""
     plan = json.loads(plan_path.read_text())
-    assembly = read_assembly(source, unit=plan["source"]["unit"])
+    assembly = read_plan_input(plan_from_json(plan_path.read_text()), plan_path, source)
     solids = {part.name: solid(part.vertices_part, part.faces) for part in assembly.parts}
     sizes = {part.name: extent(part.vertices_part, solids[part.name]) for part in assembly.parts}
     poses = {part["name"]: np.array(part["T_world_part"]) for part in plan["parts"]}
