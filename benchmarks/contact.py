@@ -29,13 +29,14 @@ def main() -> None:
     options = parser(__doc__, "contact.json")
     options.add_argument("--grippers", action="store_true", help="also ask which real grippers can take each part")
     arguments = options.parse_args()
+    tools = REAL_TOOLS if arguments.grippers else ()
     rows: list[dict[str, Any]] = []
     for folder in chosen(SHARED / "assemblies", arguments.names):
-        rows += measure(folder, REAL_TOOLS if arguments.grippers else ())
+        rows += measure(folder, tools)
         print(f"{folder.name}: {sum(row['assembly'] == folder.name for row in rows)} steps", flush=True)
-    summary = summarise(rows)
+    summary = summarise(rows, tools)
     write_json(arguments.json, {"machine": machine(), "summary": summary, "steps": rows})
-    head = ("kind", "steps", "contact", "grasp", "taken over", "push", "wrong", "median ms", *REAL_TOOLS)
+    head = ("kind", "steps", "contact", "grasp", "taken over", "push", "wrong", "median ms", *tools)
     print(table(head, ([kind, *values.values()] for kind, values in summary.items())))
 
 
@@ -87,7 +88,7 @@ def measure(folder: Path, grippers: tuple[str, ...]) -> list[dict[str, Any]]:
     return rows
 
 
-def summarise(rows: list[dict[str, Any]]) -> dict[str, dict[str, object]]:
+def summarise(rows: list[dict[str, Any]], tools: tuple[str, ...]) -> dict[str, dict[str, object]]:
     """Return the counts by kind and for all; a gripper's count is of the steps that it can do."""
     kinds: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for row in rows:
@@ -102,7 +103,7 @@ def summarise(rows: list[dict[str, Any]]) -> dict[str, dict[str, object]]:
             "push": sum(row["contact"] == "push" for row in group),
             "wrong": sum(row["wrong"] for row in group),
             "median ms": round(statistics.median(row["milliseconds"] for row in group), 1),
-            **{name: sum(row["grippers"].get(name, False) for row in group) for name in REAL_TOOLS},
+            **{name: sum(row["grippers"].get(name, False) for row in group) for name in tools},
         }
         for kind, group in sorted(kinds.items(), key=lambda item: (item[0] == "all", item[0]))
     }

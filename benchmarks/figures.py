@@ -4,7 +4,8 @@
     python benchmarks/real_cad.py --jobs 2 --second-opinion
     python benchmarks/level1.py --generated 5 10 20 40 --json benchmarks/results/level1.json
     python benchmarks/level1.py --single --json benchmarks/results/level1_single.json
-    python benchmarks/contact.py --grippers
+    python benchmarks/contact.py
+    python benchmarks/contact.py --grippers --json benchmarks/results/contact_tools.json
     python benchmarks/motion.py --truth --json benchmarks/results/motion_truth.json
     python benchmarks/motion.py --rrt 6
     python benchmarks/figures.py
@@ -35,8 +36,18 @@ def main() -> None:
 
 def figures() -> str:
     """Return the figures section."""
-    names = ("truth", "real_cad", "speed", "level1_single", "level1", "contact", "motion", "motion_truth")
-    truth, real, speed, single, level1, contact, motion, motion_truth = (
+    names = (
+        "truth",
+        "real_cad",
+        "speed",
+        "level1_single",
+        "level1",
+        "contact",
+        "contact_tools",
+        "motion",
+        "motion_truth",
+    )
+    truth, real, speed, single, level1, contact, tools, motion, motion_truth = (
         load(RESULTS / f"{name}.json") for name in names
     )
     where = real["machine"]
@@ -74,11 +85,12 @@ def figures() -> str:
             f"{disputed} disputed (the table is wrong, by a motion that the verifier and exact booleans confirm). Of "
             f"the {clauses} clauses' witness motions the verifier refutes {refuted}.",
             motions(motion, motion_truth["summary"]),
-            "Contacts of the same assemblies' steps that have a motion, with fingertips, and how many of them a real "
-            "tool can do all the way (where the files have real units); wrong: refuted by the check, normals off by "
-            "more than 5° included; milliseconds of level 3 a step, one thread "
-            f"(`python benchmarks/contact.py --grippers`; {taken(contact)}):",
+            "Contacts of the same assemblies' steps that have a motion, with fingertips; wrong: refuted by the check, "
+            "normals off by more than 5° included; milliseconds of level 3 a step, one thread "
+            f"(`python benchmarks/contact.py`; {taken(contact)}):",
             contacts(contact["summary"]),
+            f"Steps that a real tool can do all the way (`python benchmarks/contact.py --grippers`; {taken(tools)}): "
+            f"{shares(tools['summary'])}.",
             "Removal conditions and a first order, one process, warm, processor time, generated assemblies of five "
             f"families (first row: `python benchmarks/level1.py --single`, {taken(single)}; the others, slower beyond, "
             f"were taken up to 40 parts: `python benchmarks/level1.py --generated 5 10 20 40`, {taken(level1)}):",
@@ -129,19 +141,22 @@ def motions(motion: dict, truth: dict) -> str:
     )
 
 
+COUNTS = ("steps", "contact", "grasp", "taken over", "push", "wrong", "median ms")
+
+
 def contacts(summary: dict) -> str:
-    """Return the table of contacts: real tools' shares of all steps of a kind, where the set has real units."""
-    fixed = ("steps", "contact", "grasp", "taken over", "push", "wrong", "median ms")
-    tools = [name for name in next(iter(summary.values())) if name not in fixed]
-    rows = [
-        [
-            kind,
-            *(row[name] for name in fixed),
-            *(f"{100 * row[name] / row['steps']:.0f} %" if kind in REAL_UNITS else "" for name in tools),
-        ]
-        for kind, row in summary.items()
-    ]
-    return table(("kind", *fixed, *tools), rows)
+    """Return the table of contacts by kind of assembly."""
+    return table(("kind", *COUNTS), ([kind, *(row[name] for name in COUNTS)] for kind, row in summary.items()))
+
+
+def shares(summary: dict) -> str:
+    """Return the real tools' shares of all steps of a kind, where the files say how large things are."""
+    said = []
+    for kind in REAL_UNITS:
+        row = summary[kind]
+        tools = [f"{name} {100 * row[name] / row['steps']:.0f} %" for name in row if name not in COUNTS]
+        said.append(f"{kind}: {', '.join(tools)}")
+    return "; ".join(said)
 
 
 def taken(result: dict) -> str:
