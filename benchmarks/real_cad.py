@@ -80,7 +80,8 @@ def measure(folder: Path, *, second: bool) -> dict:
         }
         path = Path(out) / "plan.json"
         if process.returncode == 2 and errors and NOTHING in errors[-1]:
-            return row | {"status": "bought whole", "reason": errors[-1], "refuted": []}
+            reason = errors[-1].replace(str(folder), folder.name)
+            return row | {"status": "bought whole", "reason": reason, "refuted": []}
         if process.returncode not in (0, 3) or not path.exists():
             return row | {"status": "crashed", "reason": errors[-1] if errors else "no plan.json", "refuted": []}
         plan = json.loads(path.read_text())
