@@ -31,6 +31,11 @@ def few_words(names: Sequence[str], most: int = 4) -> str:
     return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
+def millimetres(length: float) -> str:
+    """Return a length [m] in words: millimetres, three digits."""
+    return f"{1e3 * length:.3g} mm"
+
+
 def html_table(caption: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table as HTML; what is in it may be any text."""
 

@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from sashimono.assembly import Assembly, Part
 from sashimono.geometry.distance.signed_distance import SignedDistance
+from sashimono.geometry.features.circle import widest_gap
 from sashimono.geometry.features.directions import frame_along
 from sashimono.geometry.mesh import measures
 
@@ -94,13 +95,18 @@ class Bearing:
     @property
     def words(self) -> str:
         """What it is."""
-        return f"a bearing, {len(self.elements)} {'balls' if self.has_balls else 'rollers'} between races"
+        return bearing_words(len(self.elements), has_balls=self.has_balls)
 
     def contains(self, part: Part, slack: float) -> bool:
         """Return whether a part lies between bore and rim, and within the width; ``slack`` is over the rim's radius."""
         own = _cylindrical(part.vertices_world, self.point, self.axis)
         far = slack * self.bounds[1, 0]
         return bool((own >= self.bounds[0] - far).all() and (own <= self.bounds[1] + far).all())
+
+
+def bearing_words(count: int, *, has_balls: bool) -> str:
+    """Return what so many balls, or rollers, between races are."""
+    return f"a bearing, {count} {'balls' if has_balls else 'rollers'} between races"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -327,9 +333,7 @@ def _side(ring: _Ring, radius: float, height: float, element: Element, config: B
 def _is_spread(elements: Sequence[Element], ring: _Ring, config: BearingConfig) -> bool:
     """Whether the elements are spread all around the axis."""
     x, y = frame_along(ring.axis)[:2] @ (np.array([element.middle for element in elements]) - ring.point).T
-    angles = np.sort(np.arctan2(y, x))
-    gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
-    return bool(gaps.max() <= config.spread * 2.0 * np.pi / len(angles))
+    return widest_gap(np.arctan2(y, x)) <= config.spread * 2.0 * np.pi / len(elements)
 
 
 def _bearing(assembly: Assembly, run: Sequence[_Row], config: BearingConfig) -> Bearing:

@@ -13,7 +13,15 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from sashimono.assembly import Assembly, Kept, Product
-from sashimono.bearings import Bearing, BearingConfig, as_element, find_bearings, find_elements, is_between
+from sashimono.bearings import (
+    Bearing,
+    BearingConfig,
+    as_element,
+    bearing_words,
+    find_bearings,
+    find_elements,
+    is_between,
+)
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.config import SeparateConfig
@@ -141,7 +149,7 @@ def _by_shape(product: Product, assembly: Assembly, config: BoughtConfig) -> str
     for alike in find_elements(assembly, config.bearing, among=product.parts):
         others = [assembly.part(name) for name in product.parts if name not in {e.part.name for e in alike}]
         if is_between(alike, others, config.bearing):
-            return f"bought: a bearing, {len(alike)} {'balls' if alike[0].is_ball else 'rollers'} between races"
+            return f"bought: {bearing_words(len(alike), has_balls=alike[0].is_ball)}"
     elements = (as_element(assembly.part(name), config.bearing) for name in product.parts)
     ball = next((element.part.name for element in elements if element is not None and element.is_ball), None)
     if ball is not None and _is_caged(ball, product, assembly, config):

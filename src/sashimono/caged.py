@@ -22,6 +22,7 @@ from sashimono.disassembly.sequence.reasons import VerdictConfig, least_interfer
 from sashimono.disassembly.threads.surface import Threads
 from sashimono.fasteners.recognise import find_fasteners
 from sashimono.geometry.distance.signed_distance import SignedDistance
+from sashimono.geometry.features.circle import circle_center
 from sashimono.geometry.features.directions import frame_along
 from sashimono.geometry.mesh import measures
 from sashimono.plan import Answer, MotionClass, Unsolved
@@ -170,9 +171,7 @@ def _is_thin_ring(part: Part, config: CagedConfig) -> bool:
         frame = frame_along(axis)
         turned = (part.vertices_world - mass.center) @ frame.T
         flat = turned[:, :2]
-        # the circle x² + y² = 2 (a x + b y) + c that fits best: an open ring's centre of mass is not its middle
-        design = np.column_stack([2.0 * flat, np.ones(len(flat))])
-        middle = np.linalg.lstsq(design, (flat**2).sum(axis=1), rcond=None)[0][:2]
+        middle = circle_center(flat)  # an open ring's centre of mass is not its middle
         radii = np.linalg.norm(flat - middle, axis=1)
         heights = np.linspace(turned[:, 2].min(), turned[:, 2].max(), config.through)
         line = np.column_stack([np.tile(middle, (config.through, 1)), heights])

@@ -129,7 +129,7 @@ class Paths:
         for other in self.others:
             if other in self.parted:
                 continue
-            bare = max(self.once_parted * parts.scale(self.part, other), float(parts.fits[self.part, other]))
+            bare = parts.bare(self.part, other, self.once_parted)
             if parts.overlaps[self.part, other] > bare and not self._parts_once(displacements, other, bare):
                 return False
         return True

@@ -121,9 +121,17 @@ class PlacedParts:
         """Return how deep a pair may overlap on its way [m], for a tolerance over its scale; or its fit, if deeper."""
         return float(max(self.overlaps[a, b] + tolerance * self.scale(a, b), self.fits[a, b]))
 
-    def bare(self, a: int, b: int) -> float:
-        """Return how deep a pair may be where no overlap as assembled excuses it [m], on a translation."""
-        return float(max(self.tolerances.translation * self.scale(a, b), self.fits[a, b]))
+    def bare(self, a: int, b: int, tolerance: float | None = None) -> float:
+        """Return how deep a pair may be where no overlap as assembled excuses it [m].
+
+        For a tolerance over its scale, that of translations if None; or its fit, if deeper.
+        """
+        tolerance = self.tolerances.translation if tolerance is None else tolerance
+        return float(max(tolerance * self.scale(a, b), self.fits[a, b]))
+
+    def way_past(self, part: int, other: int, direction: Float[np.ndarray, "3"]) -> float:
+        """Return how far a part goes along a direction until it is past another one [m]; 0 if it is."""
+        return max(float(self.bounds_along(other, direction)[1] - self.bounds_along(part, direction)[0]), 0.0)
 
     def overlap_places(self, a: int, b: int) -> tuple[OverlapPlace, ...]:
         """Return the pieces of a pair's overlap as assembled, if it is an excuse only near to these; else nothing.

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from sashimono.assembly import few_words
+from sashimono.assembly import few_words, millimetres
 from sashimono.bodies import make_bodies
 from sashimono.examination.config import DoctorConfig
 from sashimono.examination.findings import Clearance, Diagnosis, Finding, PairOverlap, Treatment
@@ -130,7 +130,7 @@ def _overlaps(overlaps: Sequence[PairOverlap], inspection: Inspection) -> Iterab
                 way_out="Cut the room for it in the CAD program, or leave it out with --exclude.",
             )  # fmt: skip
         elif pair.guess == "drawing error":
-            depth = "" if pair.depth is None else f"{_length(pair.depth)} deep, "
+            depth = "" if pair.depth is None else f"{millimetres(pair.depth)} deep, "
             how_much = f"{depth}{100.0 * pair.fraction:.2g} % of the smaller"
             yield Finding(
                 kind="overlap", severity="warning", parts=(pair.first, pair.second),
@@ -143,7 +143,7 @@ def _overlaps(overlaps: Sequence[PairOverlap], inspection: Inspection) -> Iterab
             which = _examples([f"{pair.first} and {pair.second}" for pair in alike])
             both = dict.fromkeys(name for pair in alike for name in (pair.first, pair.second))
             deepest = max((pair.depth for pair in alike if pair.depth is not None), default=None)
-            depth = "" if deepest is None else f", at most {_length(deepest)} deep"
+            depth = "" if deepest is None else f", at most {millimetres(deepest)} deep"
             yield Finding(
                 kind="overlap", severity="note", parts=tuple(both),
                 message=f"{words}{depth}, {len(alike)} in all: {which}.",
@@ -183,7 +183,7 @@ def _apart(pairs: Pairs, known: Collection[str], config: DoctorConfig) -> Iterab
         if near is not None:
             yield Finding(
                 kind="floating", severity="warning", parts=(name,),
-                message=f"nothing touches {name}; nearest is {near[0]}, {_length(near[1])} away.",
+                message=f"nothing touches {name}; nearest is {near[0]}, {millimetres(near[1])} away.",
                 way_out="It will count as held in the air; put it in contact, or leave it out with --exclude.",
             )  # fmt: skip
     groups = [group for group in _groups(touching) if len(group) > 1]
@@ -223,7 +223,7 @@ def _unseen(hidden: Sequence[str]) -> Iterable[Finding]:
 
 def _clearances(clearances: Sequence[Clearance]) -> Iterable[Finding]:
     if clearances:
-        names = [f"{each.first} and {each.second} ({_length(each.gap)})" for each in clearances]
+        names = [f"{each.first} and {each.second} ({millimetres(each.gap)})" for each in clearances]
         yield Finding(
             kind="clearance", severity="note",
             parts=tuple(dict.fromkeys(name for each in clearances for name in (each.first, each.second))),
@@ -237,10 +237,6 @@ def _solids(notes: Sequence[str]) -> Iterable[Finding]:
     for note in notes:
         if "--split" in note or ("holds" in note and "solids" in note):
             yield Finding(kind="solids", severity="note", parts=(note.partition(":")[0],), message=f"{note}.")
-
-
-def _length(value: float) -> str:
-    return f"{1e3 * value:.3g} mm"
 
 
 def _treatments(

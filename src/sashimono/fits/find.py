@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, millimetres
 from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
@@ -209,7 +209,8 @@ class FitFinder:
                 return None
             declared = max(self.config.margin * depth, parts.limit(way.part, other, 1.05 * parts.tolerances.plan))
             names = [parts.assembly.names[k] for k in (found.part, way.part + other - found.part)]
-            reason = f"elastic: {_mm(depth)} has to give, of {_mm(found.give)} that could: {names[0]} is {found.words}"
+            give = f"{millimetres(depth)} has to give, of {millimetres(found.give)} that could"
+            reason = f"elastic: {give}: {names[0]} is {found.words}"
             fit = DeclaredFit(parts=(names[0], names[1]), kind=found.kind, depth=round(declared, 9), reason=reason)
             fits.append(fit)
         return fits
@@ -252,7 +253,9 @@ class FitFinder:
         if tube is None or depth > config.press_radius * tube.outer_radius:
             return None
         smaller = min(part, other, key=lambda k: (self._parts.sizes[k], k))
-        words = f"pressed in round, {_mm(overlap)} as assembled, at a radius of {_mm(tube.outer_radius)}"
+        words = (
+            f"pressed in round, {millimetres(overlap)} as assembled, at a radius of {millimetres(tube.outer_radius)}"
+        )
         give = min(config.press * overlap, config.press_radius * tube.outer_radius)
         return _Told(part=smaller, kind="press", words=words, give=give)
 
@@ -270,9 +273,5 @@ class FitFinder:
                 return None
             arms.append(arm)
         arm = min(arms, key=lambda arm: arm.give)
-        words = f"bent, an arm {_mm(arm.length)} long and {_mm(arm.thickness)} thick"
+        words = f"bent, an arm {millimetres(arm.length)} long and {millimetres(arm.thickness)} thick"
         return _Told(part=giving, kind="snap", words=words, give=arm.give)
-
-
-def _mm(length: float) -> str:
-    return f"{1e3 * length:.3g} mm"

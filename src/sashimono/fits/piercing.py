@@ -33,7 +33,7 @@ def slips_through(
     a, b = parts.bodies[part], parts.bodies[other]
     low, high = parts.boxes[part], parts.boxes[other]
     least = 0.5 * parts.tolerances.translation * parts.scale(part, other)
-    length = max(float(parts.bounds_along(other, direction)[1] - parts.bounds_along(part, direction)[0]), 0.0)
+    length = parts.way_past(part, other, direction)
     looks = int(min(np.ceil(length / (0.5 * depth)), _MAX_LOOKS))
     for travel in length * (np.arange(looks) + 0.5) / max(looks, 1):
         shift = travel * direction

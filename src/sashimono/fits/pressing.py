@@ -53,7 +53,7 @@ def pressed(
         config: Which places count.
     """
     a, b = parts.bodies[part], parts.bodies[other]
-    length = max(float(parts.bounds_along(other, direction)[1] - parts.bounds_along(part, direction)[0]), 0.0)
+    length = parts.way_past(part, other, direction)
     T_b_a = se3.inverse(parts.poses[other]) @ parts.poses[part]
     along_b = parts.poses[other][:3, :3].T @ direction
     along_a = parts.poses[part][:3, :3].T @ direction

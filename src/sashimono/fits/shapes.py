@@ -8,9 +8,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from sashimono.assembly import millimetres
 from sashimono.fits.config import FitConfig
 from sashimono.geometry.body import Body
 from sashimono.geometry.distance.rays import cast_rays
+from sashimono.geometry.features.circle import circle_center
 from sashimono.geometry.features.directions import frame_along
 from sashimono.geometry.mesh import measures, topology
 
@@ -76,7 +78,8 @@ def _open_ring(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> E
         if not 0.0 < thickness <= config.ring_thickness * radius or uneven > config.ring_round * radius:
             continue
         give = min(2.0 * config.strain * radius**2 / thickness, config.stretch * radius)
-        words = f"an open ring, {_mm(thickness)} across at a radius of {_mm(radius)}, with a gap of {gap:.0f}°"
+        size = f"{millimetres(thickness)} across at a radius of {millimetres(radius)}"
+        words = f"an open ring, {size}, with a gap of {gap:.0f}°"
         return ElasticShape(kind="ring", words=words, give=give, axis=axis)
     return None
 
@@ -92,7 +95,7 @@ def _around(
     frame = frame_along(axis)
     along = body.vertices @ axis
     low, high = float(along.min()), float(along.max())
-    center = _circle_center(body.samples @ frame[:2].T)
+    center = circle_center(body.samples @ frame[:2].T)
     rays = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
     inner, outer = np.full(_ANGLES, np.inf), np.zeros(_ANGLES)
     for _ in range(_CENTRED):
@@ -107,7 +110,7 @@ def _around(
         # what stands out aside: the next circle is through the half of the rim that is nearest to this one
         off = np.abs(rim - np.median(rim))
         kept = off <= np.median(off)
-        center = _circle_center(center + (rim[:, None] * rays[there])[kept])
+        center = circle_center(center + (rim[:, None] * rays[there])[kept])
     return inner, outer
 
 
@@ -153,7 +156,7 @@ def _spring(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> Elas
     """A helical spring: a thin round wire whose surface keeps in step with a pitch, over two turns and more."""
     frame = frame_along(axis)
     flat, along = body.samples @ frame[:2].T, body.samples @ axis
-    flat = flat - _circle_center(flat)
+    flat = flat - circle_center(flat)
     radii = np.hypot(*flat.T)
     radius = 0.5 * float(np.quantile(radii, (0.02, 0.98)).sum())
     wire = sheet_thickness(body)  # of a round wire, its radius
@@ -176,7 +179,7 @@ def _spring(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> Elas
     if step.max() < config.spring_step:
         return None
     turns = length * abs(float(rates[int(np.argmax(step))])) / (2.0 * np.pi)
-    words = f"a helical spring of {turns:.1f} turns, wire {_mm(2.0 * wire)}, coil radius {_mm(radius)}"
+    words = f"a helical spring of {turns:.1f} turns, wire {millimetres(2.0 * wire)}, coil radius {millimetres(radius)}"
     return ElasticShape(kind="spring", words=words, give=min(config.stretch * radius, 2.0 * wire), axis=axis)
 
 
@@ -194,7 +197,7 @@ def _seal(body: Body, axis: Float[np.ndarray, "3"], config: FitConfig) -> Elasti
     around = np.histogram(np.arctan2(flat[:, 1], flat[:, 0]), bins=12, range=(-np.pi, np.pi))[0]
     if np.abs(off).max() > config.seal_round * section or (around == 0).any():
         return None
-    words = f"an O-ring, section {_mm(2.0 * section)}, inner diameter {_mm(2.0 * (radius - section))}"
+    words = f"an O-ring, section {millimetres(2.0 * section)}, inner diameter {millimetres(2.0 * (radius - section))}"
     return ElasticShape(kind="seal", words=words, give=min(config.stretch * radius, 1.7 * section), axis=axis)
 
 
@@ -226,14 +229,4 @@ def _formed_sheet(body: Body, config: FitConfig) -> ElasticShape | None:
         return None
     free = config.sheet_free * middle
     give = min(config.strain * free**2 / (1.5 * thickness), 2.0 * thickness)
-    return ElasticShape(kind="clip", words=f"a clip of formed sheet, {_mm(thickness)} thick", give=give)
-
-
-def _circle_center(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2"]:
-    """The centre of the circle through some points, by linear least squares (Kåsa 1976)."""
-    rows = np.column_stack([2.0 * points, np.ones(len(points))])
-    return np.linalg.lstsq(rows, (points**2).sum(axis=1), rcond=None)[0][:2]
-
-
-def _mm(length: float) -> str:
-    return f"{1e3 * length:.3g} mm"
+    return ElasticShape(kind="clip", words=f"a clip of formed sheet, {millimetres(thickness)} thick", give=give)

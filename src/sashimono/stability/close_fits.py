@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.geometry.features.circle import widest_gap
 from sashimono.stability.touching import Touching
 
 _WALL = 0.1
@@ -92,8 +93,7 @@ def _about(
     if around.sum() < 6 or around.mean() < _ROUND:
         return None
     heights = points[wall][around] @ axis
-    angles = np.sort(np.arctan2(spokes[around, 1], spokes[around, 0]))
-    open_angle = float(np.diff(np.append(angles, angles[0] + 2.0 * np.pi)).max())
+    open_angle = widest_gap(np.arctan2(spokes[around, 1], spokes[around, 0]))
     if open_angle > _OPEN or float(np.ptp(heights)) < length * 2.0 * float(np.median(radii[around])):
         return None
     return center @ flat + float(heights.mean()) * axis

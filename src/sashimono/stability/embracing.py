@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.geometry.features.circle import widest_gap
 from sashimono.stability.touching import Touch
 
 _SIDE = 0.34
@@ -33,6 +34,4 @@ def embraces(
         return False
     across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     across /= np.linalg.norm(across)
-    angles = np.sort(np.arctan2(arms[wall] @ np.cross(axis, across), arms[wall] @ across))
-    gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
-    return bool(gaps.max() <= most_open)
+    return widest_gap(np.arctan2(arms[wall] @ np.cross(axis, across), arms[wall] @ across)) <= most_open

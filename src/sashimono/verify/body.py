@@ -220,9 +220,8 @@ def _sample(vertices: np.ndarray, faces: np.ndarray, samples: int) -> tuple[np.n
 def _along(starts: np.ndarray, stops: np.ndarray, spacing: float) -> Float[np.ndarray, "n 3"]:
     """Return points between the ends of each line, at most ``spacing`` apart."""
     pieces = np.ceil(np.linalg.norm(stops - starts, axis=1) / spacing).astype(np.int64).clip(min=1)
-    rows = np.repeat(np.arange(len(pieces)), pieces - 1)
-    within = np.arange(len(rows)) - np.repeat(np.cumsum(pieces - 1) - (pieces - 1), pieces - 1) + 1
-    return starts[rows] + (within / pieces[rows])[:, None] * (stops - starts)[rows]
+    rows, within = counted(pieces - 1)
+    return starts[rows] + ((within + 1) / pieces[rows])[:, None] * (stops - starts)[rows]
 
 
 def _inside_faces(
@@ -234,21 +233,31 @@ def _inside_faces(
     a, b = triangles[index, longest], triangles[index, longest - 1]
     apex = triangles[index, (longest + 1) % 3]
     lines = np.ceil(2.0 * area / lengths.max(axis=1) / spacing).astype(np.int64).clip(min=1) - 1
-    rows = np.repeat(index, lines)
-    within = np.arange(len(rows)) - np.repeat(np.cumsum(lines) - lines, lines) + 1
-    t = (within / (lines[rows] + 1))[:, None]
+    rows, within = counted(lines)
+    t = ((within + 1) / (lines[rows] + 1))[:, None]
     return _along(a[rows] + t * (apex - a)[rows], b[rows] + t * (apex - b)[rows], spacing)
+
+
+def morton_code(points: Float[np.ndarray, "n d"], bits: int) -> Int[np.ndarray, "n"]:
+    """Return where each point is along a Morton curve through a grid with so many bits an axis."""
+    low, span = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-30)
+    cells = ((points - low) / span * float((1 << bits) - 1)).astype(np.int64)
+    code = np.zeros(len(points), np.int64)
+    for bit in range(bits):
+        for axis, along in enumerate(cells.T):
+            code |= ((along >> bit) & 1) << (len(cells.T) * bit + axis)
+    return code
+
+
+def counted(counts: Int[np.ndarray, "row"]) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+    """Return each row as often as it counts, and how often it was there before."""
+    rows = np.repeat(np.arange(len(counts)), counts)
+    return rows, np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _ball_tree(points: np.ndarray, radii: np.ndarray, between: np.ndarray) -> BallTree:
     """Group samples along a Morton curve, eight at a time, up to one ball."""
-    low, span = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-30)
-    cells = ((points - low) / span * 1023.0).astype(np.int64)
-    code = np.zeros(len(points), np.int64)
-    for bit in range(10):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
-    order = np.argsort(code, kind="stable")
+    order = np.argsort(morton_code(points, 10), kind="stable")
     levels = [(points[order], radii[order])]
     first, count = [np.full(len(points), -1)], [np.zeros(len(points), np.int64)]
     offset = 0

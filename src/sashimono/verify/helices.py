@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from sashimono.geometry import se3
+from sashimono.verify.body import morton_code
 
 _LEAST_TURN = 2.0 * np.pi
 """A run that turns less [rad] is not worth it: no sample passes where another was."""
@@ -162,13 +163,7 @@ class HelixTree:
 
 def helix_tree(helix: Float[np.ndarray, "n 2"], low: Float[np.ndarray, "n"], high: Float[np.ndarray, "n"]) -> HelixTree:
     """Return a tree over stretches of helices: neighbours along a Morton curve, four at a time."""
-    start, span = helix.min(axis=0), max(float(np.ptp(helix, axis=0).max()), 1e-30)
-    cells = ((helix - start) / span * 65535.0).astype(np.int64)
-    code = np.zeros(len(helix), np.int64)
-    for bit in range(16):
-        for axis in range(2):
-            code |= ((cells[:, axis] >> bit) & 1) << (2 * bit + axis)
-    order = np.lexsort((low, code))
+    order = np.lexsort((low, morton_code(helix, 16)))
     levels = [(helix[order], np.zeros(len(order)), low[order], high[order])]
     first, count = [np.full(len(order), -1)], [np.zeros(len(order), np.int64)]
     boxes, offset = (helix[order], helix[order]), 0

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.verify.body import counted
 from sashimono.verify.helices import Helices, HelixTree, helix_tree, laid_together
 from sashimono.verify.target import Target, signed_distance
 
@@ -118,12 +119,12 @@ def _cut(
     pieces = np.clip(np.ceil(travel[in_time] / aim), 2, _MAX_PIECES).astype(np.int64)
     out = []
     if len(in_time):
-        rows, within = _counted(pieces)
+        rows, within = counted(pieces)
         rows, pieces = in_time[rows], pieces[rows]
         shorter = half[rows] / pieces
         out.append((node[rows], turn[rows] - half[rows] + (2 * within + 1) * shorter, shorter))
     if len(in_space):
-        rows, within = _counted(tree.child_count[node[in_space]])
+        rows, within = counted(tree.child_count[node[in_space]])
         rows = in_space[rows]
         child = tree.first_child[node[rows]] + within
         # only where the child is at all
@@ -132,12 +133,6 @@ def _cut(
         there = low <= high
         out.append((child[there], 0.5 * (low + high)[there], 0.5 * (high - low)[there]))
     return out
-
-
-def _counted(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return each row as often as it counts, and how often it was there before."""
-    rows = np.repeat(np.arange(len(counts)), counts)
-    return rows, np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _joined(turns: list[np.ndarray]) -> np.ndarray:

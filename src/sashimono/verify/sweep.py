@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from numba import njit
 
 from sashimono.geometry import se3
-from sashimono.verify.body import BallTree
+from sashimono.verify.body import BallTree, counted
 from sashimono.verify.helices import Helices, find_helices
 from sashimono.verify.helix_sweep import sweep_helices
 from sashimono.verify.target import Target, signed_distance
@@ -212,15 +212,12 @@ class _Items:
         return _Items(node=self.node[index], stretch=self.stretch[index], u=self.u[index], half=self.half[index])
 
     def in_space(self, tree: BallTree) -> _Items:
-        count = tree.child_count[self.node]
-        rows = np.repeat(np.arange(len(count)), count)
-        within = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)
+        rows, within = counted(tree.child_count[self.node])
         child = tree.first_child[self.node[rows]] + within
         return _Items(node=child, stretch=self.stretch[rows], u=self.u[rows], half=self.half[rows])
 
     def in_time(self, pieces: np.ndarray) -> _Items:
-        rows = np.repeat(np.arange(len(pieces)), pieces)
-        within = np.arange(len(rows)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        rows, within = counted(pieces)
         half = self.half[rows] / pieces[rows]
         u = self.u[rows] - self.half[rows] + (2 * within + 1) * half
         return _Items(node=self.node[rows], stretch=self.stretch[rows], u=u, half=half)

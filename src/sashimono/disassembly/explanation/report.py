@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sashimono.assembly import millimetres
 from sashimono.disassembly.explanation.explain import BlockedDirection, Blocker, Explanation
 from sashimono.geometry.features.directions import direction_name
 
@@ -21,7 +22,7 @@ def explanation_lines(found: Explanation) -> list[str]:
         return [f"{found.part} can leave: it {found.reason}, at last along {direction_name(found.exit_direction)}"]
     lines = [f"{found.part} {_verdict(found)}: {found.reason}"]
     for entry in found.directions:
-        head = f"  along {direction_name(entry.direction)} it gets {_mm(entry.travel)}"
+        head = f"  along {direction_name(entry.direction)} it gets {millimetres(entry.travel)}"
         lines.append(f"{head}; stopped by {'; '.join(_blocker_words(found.part, b) for b in entry.blockers)}")
     lines.append(f"  {_removal_words(found)}")
     lines += [
@@ -50,8 +51,8 @@ def change_words(found: Explanation) -> str:
 def _change_of(part: str, blocker: Blocker) -> str:
     seen = blocker.obstruction
     assert seen is not None, "a small change is known for every blocker"
-    trim = f"{_verb(seen.opening_part)} {part} by {_mm(seen.lateral_part)} ({_faces(seen.faces_part)})"
-    widen = f"{_verb(seen.opening_obstacle)} {blocker.part} by {_mm(seen.lateral_obstacle)}"
+    trim = f"{_verb(seen.opening_part)} {part} by {millimetres(seen.lateral_part)} ({_faces(seen.faces_part)})"
+    widen = f"{_verb(seen.opening_obstacle)} {blocker.part} by {millimetres(seen.lateral_obstacle)}"
     widen += f" ({_faces(seen.faces_obstacle)})"
     options = [
         words
@@ -68,9 +69,10 @@ def _verb(opening: bool) -> str:
 def _blocker_words(part: str, blocker: Blocker) -> str:
     seen = blocker.obstruction
     if seen is None:
-        return f"{blocker.part} after {_mm(blocker.travel)}, by a slight contact"
+        return f"{blocker.part} after {millimetres(blocker.travel)}, by a slight contact"
     return (
-        f"{blocker.part} after {_mm(blocker.travel)}, {_mm(seen.depth)} of it ahead over {1e6 * seen.area:.3g} mm² "
+        f"{blocker.part} after {millimetres(blocker.travel)}, "
+        f"{millimetres(seen.depth)} of it ahead over {1e6 * seen.area:.3g} mm² "
         f"({_faces(seen.faces_part)} of {part}, {_faces(seen.faces_obstacle)} of {blocker.part})"
     )
 
@@ -85,10 +87,6 @@ def _removal_words(found: Explanation) -> str:
 
 def _faces(faces: np.ndarray) -> str:
     return "1 face" if len(faces) == 1 else f"{len(faces)} faces"
-
-
-def _mm(length: float) -> str:
-    return f"{1e3 * length:.3g} mm"
 
 
 def explanations_as_dict(found: Iterable[Explanation]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.assembly import millimetres
 from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
@@ -134,12 +135,14 @@ def _measured(parts: PlacedParts, part: int, others: Sequence[int], interference
     if interference is not None:
         overlap = float(parts.overlaps[part, interference.other])
         beyond = (
-            f" beyond the {_mm(overlap)} that they overlap as assembled" if overlap > interference.tolerance else ""
+            f" beyond the {millimetres(overlap)} that they overlap as assembled"
+            if overlap > interference.tolerance
+            else ""
         )
         words += (
-            f"; straight out, {names[part]} goes at least {_mm(interference.depth)} deep into"
+            f"; straight out, {names[part]} goes at least {millimetres(interference.depth)} deep into"
             f" {names[interference.other]}{beyond}"
-            f" ({direction_name(interference.direction)}; {_mm(interference.tolerance)} is tolerated)"
+            f" ({direction_name(interference.direction)}; {millimetres(interference.tolerance)} is tolerated)"
         )
     source = parts.assembly.source
     kept = {entry.product for entry in source.kept} if source is not None else set()
@@ -153,10 +156,6 @@ def _measured(parts: PlacedParts, part: int, others: Sequence[int], interference
 def _count_solids(parts: PlacedParts, part: int) -> int:
     vertices, faces = parts.vertices[part], parts.faces[part]
     return len(topology.split_solids(vertices, faces)) if topology.shells(faces).max() > 0 else 1
-
-
-def _mm(length: float) -> str:
-    return f"{length * 1e3:.3g} mm"
 
 
 def _together(parts: PlacedParts, members: Sequence[int], config: VerdictConfig) -> str:
