@@ -250,17 +250,17 @@ def evaluate_command(
         states: States of each blueprint for one-step accuracy.
         timed: Blueprints inferred one at a time, for the time of a sequence.
         with_heuristics: Whether random orders, inside out and the rule are evaluated too.
-        ata: Whether Assemble-Them-All is too, and most seconds that it gets for one blueprint.
+        ata: Whether Assemble-Them-All is too, and most processor time that it gets for one blueprint [s].
         cache: Folder for clouds; ``out`` if not given.
         device: A GPU if there is one, unless given.
-        workers: Processes that make the clouds.
+        workers: Processes that make the clouds, and simulate.
         clouds: What is sampled.
         say: Called with each line of the result.
     """
     require_torch()
     import numpy as np
 
-    from sashimono.learning.baselines.ata import AtaPredictor
+    from sashimono.learning.baselines.ata import simulate
     from sashimono.learning.cloud_cache import make_cache
     from sashimono.learning.devices import find_place, refuse_device
     from sashimono.learning.evaluate import evaluate, heuristics, over_seeds, write_evaluation
@@ -291,7 +291,8 @@ def evaluate_command(
     if with_heuristics:
         judge(heuristics(made))
     if ata is not None:
-        judge({"ata": AtaPredictor(data=dataset, seconds=ata)})
+        several = rows[made.counts[rows] > 2]
+        judge({"ata": simulate(made, dataset, several, seconds=ata, workers=workers, say=say)})
     with find_place(device) as place:
         tensors = made.to(place.device)
         bench = None
