@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sashimono.errors import InputError, SashimonoError
+from sashimono.files import atomic_write
 from sashimono.learning.cloud_cache import CloudConfig, Dataset
 
 if TYPE_CHECKING:
@@ -236,8 +237,9 @@ def evaluate_command(
     clouds: CloudConfig | None = None,
     say: Say = lambda line: None,
 ) -> int:
-    """Evaluate trained models, and what needs no learning; write a JSON file each and print table I.
+    """Evaluate trained models, and what needs no learning; write a JSON file each, print table I and draw figures.
 
+    Tables and figures are of all evaluations in ``out`` of the same blueprints, those of earlier calls too.
     A policy is three methods (`sashimono.learning.baselines.playing`). Of policies of several seeds, called alike but
     for a number at the end (``rl-0``, ``rl-1``), there is one more of each, with means and spread (``rl``).
 
@@ -267,7 +269,6 @@ def evaluate_command(
     from sashimono.learning.export import note_figures
     from sashimono.learning.predictor import NetworkPredictor
     from sashimono.learning.registry import BY_REWARD, prepared
-    from sashimono.learning.report import group_table, table_one
     from sashimono.learning.weights import load_model, read_weights
 
     # what was asked for is looked at before the clouds are sampled, which takes long
@@ -321,10 +322,26 @@ def evaluate_command(
             found[name] = over_seeds(name, [found[title] for title in seeds])
     for name, evaluation in found.items():
         write_evaluation(out / f"{name.replace(' ', '-')}.json", evaluation)
-    say(table_one(found))
-    for group in ("by_split", "by_parts", "by_family"):
-        say(group_table(found, group))
+    _report(out, next(iter(found.values())), say)
     return 0
+
+
+def _report(out: Path, like: Evaluation, say: Say) -> None:
+    """Print tables, and draw figures if matplotlib is there, of all evaluations in a folder that are of the same
+    blueprints as one: those of earlier calls too."""
+    from sashimono.learning.evaluate import read_evaluations
+    from sashimono.learning.report import group_table, in_order, table_one
+
+    found = in_order(read_evaluations(out, like))
+    tables = [table_one(found), *(group_table(found, group) for group in ("by_split", "by_parts", "by_family"))]
+    for text in tables:
+        say(text)
+    with atomic_write(out / "tables.md") as scratch:
+        scratch.write_text("\n\n".join(tables) + "\n", encoding="utf-8")
+    if importlib.util.find_spec("matplotlib"):
+        from sashimono.learning.figures import draw_sensitivity
+
+        draw_sensitivity(found, out / "sensitivity.svg")
 
 
 def _names(models: Sequence[Path]) -> dict[str, Path]:
