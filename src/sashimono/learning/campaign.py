@@ -257,7 +257,7 @@ def _train_entry(
     if checkpoint.exists():
         trained = float(torch.load(checkpoint, map_location="cpu", weights_only=True)["done"]["minutes"])
     else:
-        start = find_start(entry.name, asked, folders)
+        start = find_start(entry.name, asked, folders, data)
     if start is not None:
         asked = replace(asked, optimizer=replace(asked.optimizer, rate=config.again * asked.optimizer.rate))
     before = dict(start.card) if start is not None else {}
@@ -275,16 +275,22 @@ def _train_entry(
     )
 
 
-def find_start(name: str, config: TrainConfig, folders: Folders) -> Weights | None:
-    """Return the newest weights of a model, if there are any that fit: of an earlier call, or those to begin with."""
+def find_start(name: str, config: TrainConfig, folders: Folders, data: str) -> Weights | None:
+    """Return the newest weights of a model, if there are any that fit: of an earlier call, or those to begin with.
+
+    Weights that were trained on other data than that of the hash ``data`` do not fit: what is a test there may have
+    been trained on.
+    """
     shipped = Path(str(files("sashimono.learning") / "weights"))
     for folder in (folders.out, folders.start, shipped):
         if folder is None or not (folder / f"{name}.npz").exists():
             continue
         found = read_weights(folder / f"{name}.npz")
-        if found.config.kind == config.kind and found.config.model == config.model:
+        is_same = found.config.kind == config.kind and found.config.model == config.model
+        if is_same and found.card.get("data") == data:
             return found
-        log.warning("%s: weights in %s are of another configuration, and left out", name, folder)
+        of_another = "data" if is_same else "configuration"
+        log.warning("%s: weights in %s are of another %s, and left out", name, folder, of_another)
     return None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
@@ -113,11 +113,11 @@ class EdgeConv(nn.Module):
         self.norm_edges = norm_edges
 
     def forward(self, x: Tensor, neighbours: Tensor) -> Tensor:
-        edges = gathered(self.of_neighbour(x), neighbours)
         own = self.of_self(x)
         if self.norm_edges:
+            edges = gathered(self.of_neighbour(x), neighbours)
             return functional.leaky_relu(self.norm(edges + own[:, :, None]), 0.2).amax(dim=2)
-        return functional.leaky_relu(self.norm(edges.amax(dim=2) + own), 0.2)
+        return functional.leaky_relu(self.norm(greatest(self.of_neighbour(x), neighbours) + own), 0.2)
 
 
 class Attention(nn.Module):
@@ -277,6 +277,35 @@ def nearest(x: Tensor, count: int) -> Tensor:
 
 def gathered(x: Tensor, neighbours: Tensor) -> Tensor:
     """Return the features (n, points, c) of each point's neighbours: (n, points, count, c)."""
-    n, points, count = neighbours.shape
-    flat = (neighbours + points * torch.arange(n, device=x.device)[:, None, None]).flatten()
-    return x.reshape(n * points, -1)[flat].view(n, points, count, -1)
+    rows = _rows(neighbours)
+    return x.reshape(-1, x.shape[-1]).index_select(0, rows.flatten()).view(*rows.shape, -1)
+
+
+def greatest(x: Tensor, neighbours: Tensor) -> Tensor:
+    """Return the largest of each feature (n, points, c) over each point's neighbours: (n, points, c)."""
+    return _Greatest.apply(x, _rows(neighbours))  # type: ignore[no-any-return]
+
+
+def _rows(neighbours: Tensor) -> Tensor:
+    """Return neighbours as indices over the points of all clouds together."""
+    n, points, _ = neighbours.shape
+    return neighbours + points * torch.arange(n, device=neighbours.device)[:, None, None]
+
+
+class _Greatest(torch.autograd.Function):
+    """`greatest`, that sends each gradient to the one neighbour it came from, instead of to all of the edges."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, rows: Tensor) -> Tensor:
+        flat = x.reshape(-1, x.shape[-1])
+        found, where = flat.index_select(0, rows.flatten()).view(*rows.shape, -1).max(dim=2)
+        ctx.save_for_backward(rows.gather(2, where))
+        return found
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        (source,) = ctx.saved_tensors
+        c = gradient.shape[-1]
+        out = torch.zeros(gradient.shape, dtype=torch.float32, device=gradient.device).view(-1, c)
+        out.scatter_add_(0, source.view(-1, c), gradient.reshape(-1, c).float())
+        return out.view(gradient.shape).to(gradient.dtype), None
