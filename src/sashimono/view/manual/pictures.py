@@ -128,7 +128,7 @@ class Illustrator:
         ends = target if any(way is not None for way in shot.back.ways) else ()
         pixels = draw_picture(solids, view, outlined=ends, times=config.supersample)
         goal = layer_of(target, view, shaded=False).covered
-        busy = _busy(pixels, [shot.own.any(axis=0), goal])
+        busy = _busy(pixels, [np.asarray(shot.own.any(axis=0)), goal])
         return Illustration(
             png=png_bytes(pixels),
             width=config.width,
