@@ -84,13 +84,16 @@ def find_arm(
 def _within(
     body: Body, point: Float[np.ndarray, "3"], push: Float[np.ndarray, "3"], least: float
 ) -> Float[np.ndarray, "3"] | None:
-    """A point just inside, near to one of the surface, ahead of it along the push if there is one."""
+    """The point farthest inside of some near to one of the surface, ahead of it along the push; None if none is inside.
+
+    At a corner the one straight ahead is on the rim, and walks from there leave the part at once.
+    """
     u, v, _ = frame_along(push)
     shifts = [push + a * u + b * v for a in (0.0, 1.0, -1.0) for b in (0.0, 1.0, -1.0)]
     tried = point + least * np.array(shifts)
     depths = -body.signed_distance.query(tried)
-    inside = np.flatnonzero(depths > 0.05 * least)
-    return tried[int(inside[0])] if len(inside) else None
+    deepest = int(np.argmax(np.round(depths / least, 6)))
+    return tried[deepest] if depths[deepest] > 0.05 * least else None
 
 
 def _across(body: Body, start: Float[np.ndarray, "3"], push: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
