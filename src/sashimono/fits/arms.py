@@ -84,16 +84,13 @@ def find_arm(
 def _within(
     body: Body, point: Float[np.ndarray, "3"], push: Float[np.ndarray, "3"], least: float
 ) -> Float[np.ndarray, "3"] | None:
-    """The point farthest inside of some near to one of the surface, ahead of it along the push; None if none is inside.
-
-    At a corner the one straight ahead is on the rim, and walks from there leave the part at once.
-    """
+    """A point just inside, near to one of the surface, ahead of it along the push if there is one."""
     u, v, _ = frame_along(push)
     shifts = [push + a * u + b * v for a in (0.0, 1.0, -1.0) for b in (0.0, 1.0, -1.0)]
     tried = point + least * np.array(shifts)
     depths = -body.signed_distance.query(tried)
-    deepest = int(np.argmax(np.round(depths / least, 6)))
-    return tried[deepest] if depths[deepest] > 0.05 * least else None
+    inside = np.flatnonzero(depths > 0.05 * least)
+    return tried[int(inside[0])] if len(inside) else None
 
 
 def _across(body: Body, start: Float[np.ndarray, "3"], push: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
@@ -120,15 +117,18 @@ def _walk(
     config: FitConfig,
 ) -> tuple[str, float, float]:
     """How a walk within the part ends ("root", "free", or "far"), after what length, and the thickness on its way."""
-    at, seen = back - 0.25 * thickest * push, [thickest]
+    lanes, seen = [back - 0.25 * thickest * push], [thickest]
     for k in range(1, _STEPS + 1):
-        at = at + step * along
-        if not body.signed_distance.contains(at):
+        # beside a lip that is as thick as the arm, the middle of both is at the arm's face
+        ahead = [lane + step * along for lane in lanes]
+        at = next((place for place in ahead if body.signed_distance.contains(place)), None)
+        if at is None:
             return "free", k * step, float(np.median(seen))
         front, rest, room = _across(body, at, push)
         across = front + rest
         if across > config.arm_thickens * min(seen) or room < 0.5 * depth:
             return "root", k * step, float(np.median(seen[1:] or seen))
         seen.append(across)
-        at = at + 0.5 * (rest - front) * push
+        rim = 0.25 * min(seen)
+        lanes = [at + shift * push for shift in (0.5 * (rest - front), rest - rim, rim - front)]
     return "far", _STEPS * step, float(np.median(seen))
