@@ -21,6 +21,9 @@ from sashimono.learning.evaluate import Evaluation, Interval, read_evaluation
 from sashimono.learning.figures import draw_learning_curve
 from sashimono.learning.weights import read_weights
 
+GROUPED = ("blueprints", "argmax", "sequence", "sequence_exchange", "pose_distance")
+"""What is kept by group."""
+
 CURVE = {"argmax": "1-Acc, argmax", "sequence": "Seq-Acc"}
 
 
@@ -73,7 +76,10 @@ def spent(path: Path) -> dict[str, float]:
 def slim(evaluation: Evaluation) -> dict[str, Any]:
     """Return an evaluation without its single blueprints."""
     groups = {
-        name: {key: values(group) for key, group in getattr(evaluation, name).items()}
+        name: {
+            key: {figure: round(group[figure].value, 4) for figure in GROUPED if figure in group}
+            for key, group in getattr(evaluation, name).items()
+        }
         for name in ("by_split", "by_parts", "by_family")
     }
     return {"overall": values(evaluation.overall), **groups, "milliseconds": dict(evaluation.milliseconds)}

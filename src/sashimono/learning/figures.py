@@ -13,8 +13,8 @@ from sashimono.files import atomic_write
 from sashimono.learning.evaluate import Evaluation
 from sashimono.learning.report import is_ours
 
-FEWEST = 10
-"""Numbers of parts with fewer blueprints are left out of a curve: its interval would be as wide as the figure."""
+FEWEST = 40
+"""Blueprints of a point of a curve: neighbouring numbers of parts are taken together until there are so many."""
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#999999")
 """Told apart by colour-blind readers too (Okabe and Ito)."""
@@ -79,13 +79,18 @@ def draw_learning_curve(
 
 
 def _curve(axes: Any, evaluation: Evaluation, key: str, scale: float, name: str, look: Mapping[str, object]) -> None:
-    groups = evaluation.by_parts
-    counts = sorted(
-        int(parts) for parts, group in groups.items() if key in group and group["blueprints"].value >= FEWEST
-    )
-    if counts:
-        values = [scale * groups[str(parts)][key].value for parts in counts]
-        axes.plot(counts, values, label=name, markersize=3, marker="o", **look)
+    groups = {int(parts): group for parts, group in evaluation.by_parts.items() if key in group}
+    points: list[tuple[float, float]] = []
+    total = parts_sum = value_sum = 0.0
+    for parts in sorted(groups):
+        weight = groups[parts]["blueprints"].value
+        total, parts_sum = total + weight, parts_sum + weight * parts
+        value_sum += weight * scale * groups[parts][key].value
+        if total >= FEWEST:
+            points.append((parts_sum / total, value_sum / total))
+            total = parts_sum = value_sum = 0.0
+    if points:
+        axes.plot(*zip(*points, strict=True), label=name, markersize=3, marker="o", **look)
 
 
 def _look(name: str, k: int) -> dict[str, object]:
