@@ -125,7 +125,7 @@ class Statics:
         found = {}
         for (i, first), (j, second) in combinations(enumerate(groups), 2):
             pairs = [(m, n) for m in range(len(first)) for n in range(len(second))]
-            touching = [self.touching.between(first[m], second[n]) for m, n in pairs]
+            touching = [self.touching.carrying(first[m], second[n], self.table.normal) for m, n in pairs]
             if any(len(touch.points) for touch in touching):
                 points = np.concatenate([touch.points for touch in touching])
                 normals = np.concatenate([touch.normals for touch in touching])

@@ -20,6 +20,10 @@ _INSET = 1e-3
 _MOST_CORNERS = 6000
 _STEADY = 0.95
 """Least cosine between gradients a gap apart that belong to one smooth stretch of surface."""
+_LEANS = 0.9
+"""Largest cosine between up and a normal that leans: with more, one lies on the other."""
+_LET_DOWN = (0.5, 1.0, 1.5, 2.0, 2.5)
+"""How far a leaning point is let down, over the way on which its gap closes by as much as it may be."""
 
 
 class Touch(NamedTuple):
@@ -47,7 +51,9 @@ class Touching:
         self.poses = poses
         self.config = config
         self._fastened = {frozenset(pair): True for pair in fastened}
+        self._depths: dict[frozenset[str], float] = {}
         self._touches: dict[tuple[str, str], Touch] = {}
+        self._carrying: dict[tuple[str, str, bytes], Touch] = {}
         corners = {name: _box_corners(body) for name, body in bodies.items()}
         self._boxes = {
             name: np.array([seen.min(axis=0), seen.max(axis=0)])
@@ -70,15 +76,66 @@ class Touching:
             self._touches[high, low] = Touch(touch.points, -touch.normals)
         return self._touches[first, second]
 
+    def carrying(self, first: str, second: str, up: Float[np.ndarray, "3"]) -> Touch:
+        """Return the same with normals made level where they lean but carry nothing, for gravity along ``-up``.
+
+        A chamfer that faces a wall just above the wall's end seems to lie on it, and would slip past it. So whatever
+        a leaning point carries is let down: the point must get into the other body, deeper than the two overlap.
+        """
+        key = (first, second, up.tobytes())
+        if key not in self._carrying:
+            touch = self.between(first, second)
+            lean = touch.normals @ up
+            normals = touch.normals.copy()
+            asked = (np.abs(lean) > self.config.upright) & (np.abs(lean) < _LEANS)
+            for upper, lower, sign in ((first, second, 1.0), (second, first, -1.0)):
+                rows = np.flatnonzero(asked & (sign * lean > 0.0))
+                if len(rows):
+                    rows = rows[~self._stops(upper, lower, touch.points[rows], np.abs(lean[rows]), up)]
+                    level = normals[rows] - np.outer(lean[rows], up)
+                    normals[rows] = level / np.linalg.norm(level, axis=1, keepdims=True)
+            self._carrying[key] = Touch(touch.points, normals)
+            self._carrying[second, first, key[2]] = Touch(touch.points, -normals)
+        return self._carrying[key]
+
+    def _stops(
+        self, upper: str, lower: str, points: np.ndarray, lean: np.ndarray, up: Float[np.ndarray, "3"]
+    ) -> np.ndarray:
+        """Which touching points get into the other body while the upper one is let down."""
+        gap = self._gap(upper, lower)
+        deepest = -1.1 * self.depth(upper, lower) - 0.02 * gap
+        stopped = np.zeros(len(points), dtype=bool)
+        for own, other, way in ((upper, lower, -up), (lower, upper, up)):
+            on_own, _ = self.bodies[own].signed_distance.normals(self._seen_by(own, points), gap)
+            near = np.flatnonzero(np.abs(on_own) < 0.01 * gap)  # these go along with it
+            for share in _LET_DOWN:
+                moved = points[near] + np.outer(share * gap / lean[near], way)
+                stopped[near] |= self.bodies[other].signed_distance.query(self._seen_by(other, moved)) < deepest
+        return stopped
+
+    def _seen_by(self, name: str, points: np.ndarray) -> np.ndarray:
+        return se3.apply(se3.inverse(self.poses[name]), points)
+
+    def _gap(self, first: str, second: str) -> float:
+        """Gap up to which two bodies count as touching [m]."""
+        return self.config.gap * min(self.bodies[first].smallest_extent, self.bodies[second].smallest_extent)
+
+    def depth(self, first: str, second: str) -> float:
+        """Return how deep the two overlap as assembled [m]."""
+        key = frozenset((first, second))
+        if key not in self._depths:
+            self._depths[key] = 0.0
+            if self._near(first, second, 0.0):
+                T = se3.inverse(self.poses[second]) @ self.poses[first]
+                self._depths[key] = mutual_depth(self.bodies[first], self.bodies[second], T)
+        return self._depths[key]
+
     def fastened(self, first: str, second: str) -> bool:
         """Return whether the two hold one another: declared so, or overlapping as assembled by more than facets do."""
         key = frozenset((first, second))
         if key not in self._fastened:
-            a, b = self.bodies[first], self.bodies[second]
-            depth = 0.0
-            if self._near(first, second, 0.0):
-                depth = mutual_depth(a, b, se3.inverse(self.poses[second]) @ self.poses[first])
-            self._fastened[key] = depth > self.config.fastened * min(a.smallest_extent, b.smallest_extent)
+            least = min(self.bodies[first].smallest_extent, self.bodies[second].smallest_extent)
+            self._fastened[key] = self.depth(first, second) > self.config.fastened * least
         return self._fastened[key]
 
     def on_table(self, name: str, table: Table) -> Touch:
@@ -108,7 +165,7 @@ class Touching:
 
     def _find(self, first: str, second: str) -> Touch:
         a, b = self.bodies[first], self.bodies[second]
-        points, normals = self.meeting(first, second, self.config.gap * min(a.smallest_extent, b.smallest_extent))
+        points, normals = self.meeting(first, second, self._gap(first, second))
         if not len(points):
             return Touch(points, normals)
         reach = max(float(np.ptp(points, axis=0).max()), 1e-3 * min(a.radius, b.radius))
