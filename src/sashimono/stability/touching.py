@@ -20,10 +20,12 @@ _INSET = 1e-3
 _MOST_CORNERS = 6000
 _STEADY = 0.95
 """Least cosine between gradients a gap apart that belong to one smooth stretch of surface."""
-_LEANS = 0.9
-"""Largest cosine between up and a normal that leans: with more, one lies on the other."""
-_LET_DOWN = (0.5, 1.0, 1.5, 2.0, 2.5)
-"""How far a leaning point is let down, over the way on which its gap closes by as much as it may be."""
+_FLAT = 0.9
+"""Cosine between up and a normal from which on one part lies on the other."""
+_LET_DOWN = 4
+"""Ways by which a part is let down, to see what leans and carries it."""
+_STOPPED = 0.1
+"""How much deeper it must get, over the gap up to which the two count as touching."""
 
 
 class Touch(NamedTuple):
@@ -77,44 +79,41 @@ class Touching:
         return self._touches[first, second]
 
     def carrying(self, first: str, second: str, up: Float[np.ndarray, "3"]) -> Touch:
-        """Return the same with normals made level where they lean but carry nothing, for gravity along ``-up``.
+        """Return the same, normals made level that lean but carry nothing, for gravity along ``-up``.
 
-        A chamfer that faces a wall just above the wall's end seems to lie on it, and would slip past it. So whatever
-        a leaning point carries is let down: the point must get into the other body, deeper than the two overlap.
+        A chamfer that faces a wall just above the wall's end seems to lie on it, and would slip past it. So where
+        nothing lies flat on the other, the upper part is let down: to carry it, the two must get deeper into one
+        another.
         """
         key = (first, second, up.tobytes())
         if key not in self._carrying:
             touch = self.between(first, second)
-            lean = touch.normals @ up
-            normals = touch.normals.copy()
-            asked = (np.abs(lean) > self.config.upright) & (np.abs(lean) < _LEANS)
-            for upper, lower, sign in ((first, second, 1.0), (second, first, -1.0)):
-                rows = np.flatnonzero(asked & (sign * lean > 0.0))
-                if len(rows):
-                    rows = rows[~self._stops(upper, lower, touch.points[rows], np.abs(lean[rows]), up)]
-                    level = normals[rows] - np.outer(lean[rows], up)
-                    normals[rows] = level / np.linalg.norm(level, axis=1, keepdims=True)
+            lean, normals = touch.normals @ up, touch.normals
+            for upper, lower, side in ((first, second, lean), (second, first, -lean)):
+                leaning = (side > self.config.upright) & (side < _FLAT)
+                if (
+                    leaning.any()
+                    and not (side >= _FLAT).any()
+                    and not self._stops(upper, lower, up, float(side[leaning].min()))
+                ):
+                    level = normals - np.outer(lean, up)
+                    level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+                    normals = np.where(leaning[:, None], level, normals)
             self._carrying[key] = Touch(touch.points, normals)
             self._carrying[second, first, key[2]] = Touch(touch.points, -normals)
         return self._carrying[key]
 
-    def _stops(
-        self, upper: str, lower: str, points: np.ndarray, lean: np.ndarray, up: Float[np.ndarray, "3"]
-    ) -> np.ndarray:
-        """Which touching points get into the other body while the upper one is let down."""
-        gap = self._gap(upper, lower)
-        deepest = -1.1 * self.depth(upper, lower) - 0.02 * gap
-        stopped = np.zeros(len(points), dtype=bool)
-        for own, other, way in ((upper, lower, -up), (lower, upper, up)):
-            on_own, _ = self.bodies[own].signed_distance.normals(self._seen_by(own, points), gap)
-            near = np.flatnonzero(np.abs(on_own) < 0.01 * gap)  # these go along with it
-            for share in _LET_DOWN:
-                moved = points[near] + np.outer(share * gap / lean[near], way)
-                stopped[near] |= self.bodies[other].signed_distance.query(self._seen_by(other, moved)) < deepest
-        return stopped
-
-    def _seen_by(self, name: str, points: np.ndarray) -> np.ndarray:
-        return se3.apply(se3.inverse(self.poses[name]), points)
+    def _stops(self, upper: str, lower: str, up: Float[np.ndarray, "3"], lean: float) -> bool:
+        """Whether the upper part gets deeper into the lower one before all that leans as much would have met."""
+        a, b, gap = self.bodies[upper], self.bodies[lower], self._gap(upper, lower)
+        deeper = self.depth(upper, lower) + _STOPPED * gap
+        T = self.poses[upper].copy()
+        farthest = min(1.25 * gap / lean, gap / self.config.gap)
+        for way in np.geomspace(0.5 * farthest, farthest, _LET_DOWN):
+            T[:3, 3] = self.poses[upper][:3, 3] - way * up
+            if mutual_depth(a, b, se3.inverse(self.poses[lower]) @ T) > deeper:
+                return True
+        return False
 
     def _gap(self, first: str, second: str) -> float:
         """Gap up to which two bodies count as touching [m]."""

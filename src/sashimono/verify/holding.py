@@ -37,7 +37,7 @@ _FLAT = 0.9
 _JAM = 0.05
 """How much deeper a part gets that something leaning carries, over the gap at which parts touch."""
 _SINKINGS = 6
-"""Ways to let a part down, from that gap to the smaller part's smallest extent."""
+"""Ways to let a part down, from that gap to where it would have closed, or to the smaller part's smallest extent."""
 
 
 class _Contact(NamedTuple):
@@ -298,14 +298,18 @@ class PlacedParts:
         lean = normals @ up
         for upper, lower, side in ((first, second, lean), (second, first, -lean)):
             leaning = (side > self._config.hold_upright) & (side < _FLAT)
-            if leaning.any() and not (side >= _FLAT).any() and not self._jams(upper, lower, up):
+            if (
+                leaning.any()
+                and not (side >= _FLAT).any()
+                and not self._jams(upper, lower, up, float(side[leaning].min()))
+            ):
                 level = normals - np.outer(lean, up)
                 level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
                 normals = np.where(leaning[:, None], level, normals)
         return _Contact(points, normals)
 
-    def _jams(self, upper: str, lower: str, up: np.ndarray) -> bool:
-        """Whether the upper of two parts, let down straight, gets deeper into the lower than as assembled."""
+    def _jams(self, upper: str, lower: str, up: np.ndarray, lean: float) -> bool:
+        """Whether the upper of two parts, let down until all that leans has met, is deeper in the lower than before."""
         key = (upper, lower, up.tobytes())
         if key not in self._jamming:
             a, b = self._bodies[upper], self._bodies[lower]
@@ -314,7 +318,9 @@ class PlacedParts:
             deep = sampled_depth(a, b, T @ self._poses[upper]) + _JAM * gap
             sunk = self._poses[upper].copy()
             self._jamming[key] = False
-            for way in np.geomspace(gap, min(a.smallest_extent, b.smallest_extent), _SINKINGS):
+            for way in np.geomspace(
+                gap, max(gap, min(1.5 * gap / lean, a.smallest_extent, b.smallest_extent)), _SINKINGS
+            ):
                 sunk[:3, 3] = self._poses[upper][:3, 3] - way * up
                 if sampled_depth(a, b, T @ sunk) > deep:
                     self._jamming[key] = True
