@@ -145,7 +145,7 @@ def test_a_spent_budget_says_so() -> None:
 
 
 def chamfered_lid(*, upside_down: bool, ledge: bool) -> Assembly:
-    """A lid with a chamfer all around its lower face, in a frame that it fits. The frame ends where the lid does, or has a
+    """A lid with a chamfer all around its lower face, in a frame that it fits. It ends where the lid does, or has a
     ledge a little below: so bearings are drawn, with play in their seats."""
     frame = box((0.08, 0.08, 0.02)) - box((0.0601, 0.0601, 0.03))
     if ledge:
