@@ -236,14 +236,15 @@ class PlacedParts:
         return self._bonded[key]
 
     def _clamping(self, groups: Sequence[Sequence[str]]) -> set[frozenset[int]]:
-        """Pairs of groups of which two parts of one push on the other from opposite sides."""
+        """Pairs of groups of which two parts of one, fastened to each other, push on the other from opposite sides."""
         found: set[frozenset[int]] = set()
         for a, clamp in enumerate(groups):
             for b, between in enumerate(groups):
                 if a == b or len(clamp) == 1:
                     continue
-                pushes = [np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in clamp]
-                if any((one @ other.T < _OPPOSING).any() for one, other in combinations(pushes, 2)):
+                pushes = {jaw: np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in clamp}
+                jaws = (pair for pair in combinations(clamp, 2) if self._fastened(*pair))
+                if any((pushes[one] @ pushes[other].T < _OPPOSING).any() for one, other in jaws):
                     found.add(frozenset((a, b)))
         return found
 
