@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import torch
 from common import REPOSITORY, machine, table, write_json
 
 from sashimono import d4pas
@@ -37,6 +36,8 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes that make the clouds")
     parser.add_argument("--json", type=Path, default=REPOSITORY / "benchmarks" / "results" / "training.json")
     options = parser.parse_args()
+    import torch
+
     if options.threads is not None:
         torch.set_num_threads(options.threads)
     data = d4pas.load("v1")

@@ -157,7 +157,7 @@ def of_an_extra() -> set[str]:
     """Return the modules that need an extra: Warp's kernels, and what of learning imports PyTorch or Gymnasium."""
     found = {"sashimono.disassembly.physics.batch_kernels"}
     while True:
-        needed = {"torch", "gymnasium", "stable_baselines3", *found}
+        needed = {"torch", "gymnasium", "stable_baselines3", "matplotlib", *found}
         more = {
             f"sashimono.{module_of(path)}"
             for path in MODULES

@@ -87,7 +87,10 @@ def evaluate(
     ] = None,
     limit: Annotated[int | None, typer.Option(min=1, metavar="N", help="only so many blueprints of each split")] = None,
     ata: Annotated[
-        float | None, typer.Option(min=0.1, metavar="SECONDS", help="also simulate, at most so long a blueprint (ATA)")
+        float | None,
+        typer.Option(
+            min=0.1, metavar="SECONDS", help="also simulate (ATA), at most so much processor time a blueprint"
+        ),
     ] = None,
     data: Data = "v1",
     cache: Cache = None,

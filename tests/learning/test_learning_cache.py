@@ -19,12 +19,13 @@ torch.set_num_threads(1)  # tiny models: more threads only wait for one another
 
 from sashimono.learning.batch import (  # noqa: E402
     BatchConfig,
-    axis_angle,
+    axis_angle_between,
     bits_of,
     make_batch,
     padded,
-    random_rotations,
+    random_quaternions,
     rotation_matrix,
+    rotations_of,
 )
 
 CONFIG = CloudConfig(part_points=64, blueprint_points=128, states=16)
@@ -194,15 +195,21 @@ def test_added_arrays_come_along_at_their_places(data: ToyDataset, tmp_path: Pat
         assert not between[b, :, n:].any()
 
 
-def test_axis_angle_is_exact_near_zero_and_near_pi() -> None:
-    rotations = random_rotations(500, torch.Generator().manual_seed(0)).double()
-    vectors = axis_angle(rotations)
-    assert torch.allclose(rotation_matrix(vectors), rotations, atol=1e-5)
+def test_rotations_between_are_exact_near_zero_and_near_pi() -> None:
+    random = torch.Generator().manual_seed(0)
+    after, before = random_quaternions(500, random).double(), random_quaternions(500, random).double()
+    vectors = axis_angle_between(after, before)
+    wanted = rotations_of(after) @ rotations_of(before).transpose(1, 2)
+    assert torch.allclose(torch.linalg.det(wanted), torch.ones(500, dtype=torch.float64), atol=1e-6)
+    assert torch.allclose(rotation_matrix(vectors), wanted, atol=1e-5)
     assert vectors.norm(dim=1).max() <= np.pi + 1e-6
-    axis = torch.nn.functional.normalize(torch.randn(100, 3, generator=torch.Generator().manual_seed(1)), dim=1)
+    assert (vectors.norm(dim=1) > 0.9 * np.pi).any()
+    axis = torch.nn.functional.normalize(torch.randn(500, 3, generator=random).double(), dim=1)
     for angle in (0.0, 1e-4, np.pi - 1e-3, np.pi):
-        turned = rotation_matrix(axis.double() * angle)
-        assert torch.allclose(rotation_matrix(axis_angle(turned)), turned, atol=1e-6), angle
+        half = torch.full((500, 1), angle / 2, dtype=torch.float64)
+        turn = torch.cat([half.cos(), half.sin() * axis], dim=1)
+        found = axis_angle_between(turn, torch.tensor([[1.0, 0.0, 0.0, 0.0]], dtype=torch.float64).expand(500, 4))
+        assert torch.allclose(rotation_matrix(found), rotation_matrix(axis * angle), atol=1e-6), angle
 
 
 def test_a_recipe_that_makes_other_parts_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +23,11 @@ from sashimono.learning.evaluate import (
     listed_steps,
     one_step,
     read_evaluation,
+    read_evaluations,
     summarise,
     write_evaluation,
 )
-from sashimono.learning.report import group_table, table_one
+from sashimono.learning.report import group_table, in_order, table_one
 
 CLOUDS = CloudConfig(part_points=32, blueprint_points=64, states=16)
 
@@ -190,3 +193,45 @@ def test_table_one_has_the_papers_figures_beside_ours(data: ToyDataset, cache: C
     assert table[4].startswith("| rule |  |  |  |")
     rows = group_table({"rule": found}, "by_parts").splitlines()
     assert [row.split(" | ")[0] for row in rows[2:]] == ["| 3", "| 4", "| 5"]
+
+
+def test_rows_stand_in_the_order_of_table_one(data: ToyDataset, cache: CloudCache) -> None:
+    found = judged(data, cache, Oracle(data, 1.0))
+    names = ["past-posed", "past-small", "rl-axes", "inside out", "nsm-small", "mine", "seg-small"]
+    expected = ["inside out", "nsm-small", "rl-axes", "seg-small", "past-small", "mine", "past-posed"]
+    assert list(in_order(dict.fromkeys(names, found))) == expected
+
+
+def test_only_evaluations_of_the_same_blueprints_are_reported_together(
+    data: ToyDataset, cache: CloudCache, tmp_path: Path
+) -> None:
+    found = judged(data, cache, Oracle(data, 1.0))
+    write_evaluation(tmp_path / "a.json", found)
+    write_evaluation(tmp_path / "b.json", replace(found, name="other data", data="0"))
+    write_evaluation(tmp_path / "c.json", replace(found, name="fewer", records=found.records[1:]))
+    (tmp_path / "card.json").write_text("[]", encoding="utf-8")
+    assert read_evaluations(tmp_path, found) == {found.name: found}
+
+
+@pytest.mark.parametrize("name", ["x.svg", "x.png"])
+def test_figures_are_drawn_and_the_same_each_time(
+    data: ToyDataset, cache: CloudCache, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    pytest.importorskip("matplotlib", reason="the train extra is not installed")
+    from sashimono.learning import figures
+
+    monkeypatch.setattr(figures, "FEWEST", 1)
+    right, wrong = judged(data, cache, Oracle(data, 1.0)), judged(data, cache, Oracle(data, 0.0))
+    figures.draw_sensitivity({"rule": wrong, "past-posed": right}, tmp_path / name)
+    first = (tmp_path / name).read_bytes()
+    figures.draw_sensitivity({"rule": wrong, "past-posed": right}, tmp_path / name)
+    assert (tmp_path / name).read_bytes() == first
+    figures.draw_learning_curve([(100, wrong), (1000, right)], tmp_path / f"curve-{name}", lines={"rule": 0.5})
+    assert (tmp_path / f"curve-{name}").stat().st_size > 1000
+    if name.endswith("svg"):
+        assert "past-posed" in figures_text(first)
+
+
+def figures_text(svg: bytes) -> str:
+    """Return the words of a drawing: matplotlib leaves each as a comment beside its outlines."""
+    return " ".join(re.findall(r"<!-- (.*?) -->", svg.decode("utf-8")))

@@ -14,7 +14,7 @@ from learning_toy import ToyDataset, toy_dataset
 from sashimono.cli import run
 from sashimono.d4pas.states import is_right_order, right_next
 from sashimono.errors import InputError
-from sashimono.learning.baselines.ata import AtaPredictor
+from sashimono.learning.baselines.ata import simulate
 from sashimono.learning.baselines.episode import RIGHT, WHOLE, WRONG, Bench, Episode, make_bench
 from sashimono.learning.baselines.ways import AXES, Ways, find_ways, is_right_step
 from sashimono.learning.cloud_cache import CloudCache, CloudConfig, make_cache
@@ -282,7 +282,7 @@ def test_seeds_are_summed_up_as_mean_and_spread(bench: Bench, data: ToyDataset, 
 
 def test_assemble_them_all_is_judged_and_timed(data: ToyDataset, cache: CloudCache) -> None:
     """Without a tube around the pile it may pull blocks out sideways: all parts leave, not always in a right order."""
-    method = AtaPredictor(data=data, seconds=3600.0)
+    method = simulate(cache, data, [0, 1], seconds=3600.0)
     found = evaluate("ata", method, data, cache, np.arange(2))
     orders = method.encode(np.arange(2))
     assert [sorted(order) for order in orders] == [list(range(len(data.blueprints[k].parts))) for k in range(2)]
@@ -291,10 +291,13 @@ def test_assemble_them_all_is_judged_and_timed(data: ToyDataset, cache: CloudCac
     said = method.probabilities(orders, np.array([[0], [0]]))
     assert [int(said[k, 0].argmax()) for k in range(2)] == [order[0] for order in orders]
     assert set(found.milliseconds) == {"median", "90 %", "mean"}
+    again = simulate(cache, data, [0, 1], seconds=3600.0)
+    assert again.found == method.found, "times to the last digit: nothing is simulated twice"
 
 
 def test_assemble_them_all_stops_in_time_and_stays_in_the_denominator(data: ToyDataset, cache: CloudCache) -> None:
-    found = evaluate("ata", AtaPredictor(data=data, seconds=1e-4), data, cache, np.arange(3))
+    method = simulate(cache, data, [0, 1, 2], seconds=1e-4)
+    found = evaluate("ata", method, data, cache, np.arange(3))
     assert found.overall["blueprints"].value == 3
     assert found.overall["sequence"].value == found.overall["argmax"].value == 0.0
     assert found.milliseconds["median"] >= 0.1

@@ -321,7 +321,18 @@ def test_train_then_evaluate_by_command(tiny: Path, tmp_path: Path) -> None:
         say=said.append,
     )
     assert status == 0
-    assert sorted(path.stem for path in (tmp_path / "figures").iterdir()) == ["inside-out", "random", "rule", "weights"]
+    stems = [path.stem for path in (tmp_path / "figures").glob("*.json")]
+    assert sorted(stems) == ["inside-out", "random", "rule", "weights"]
+    evaluate_command(
+        [], tmp_path / "figures", data=data, splits=("val",), cache=tmp_path, device="cpu", clouds=CLOUDS
+    )  # what was evaluated before is in the table still
+    table = (tmp_path / "figures" / "tables.md").read_text(encoding="utf-8")
+    assert [line.split(" | ")[0] for line in table.splitlines()[2:6]] == [
+        "| random",
+        "| inside out",
+        "| rule",
+        "| weights",
+    ]
 
 
 def test_training_ours_writes_the_network_that_infer_takes(tmp_path: Path) -> None:

@@ -19,7 +19,8 @@ from sashimono.geometry import se3
 from sashimono.geometry.legs import Leg
 from sashimono.plan import AssemblyPlan, DeclaredFit, Fixture, Motion, Segment, Step
 from sashimono.view.config import ViewConfig
-from sashimono.view.manual.camera import Stand, Subject, choose_glass, choose_stand, visibility
+from sashimono.view.manual import camera
+from sashimono.view.manual.camera import Stand, Subject, Visibility, choose_glass, choose_stand, visibility
 from sashimono.view.manual.content import common_name, make_manual
 from sashimono.view.manual.drawing import Solid, look_from
 from sashimono.view.manual.page import render_manual, write_manual
@@ -209,6 +210,36 @@ def test_the_viewer_stays_where_he_is_if_nothing_speaks_against_it() -> None:
     stand = choose_stand(subject, UP, last)
     assert np.degrees(stand.azimuth) == pytest.approx(135.0)
     assert stand.elevation == 0.5
+
+
+def test_places_that_are_not_drawn_are_not_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same place is chosen when all 48 are drawn."""
+    rng = np.random.default_rng(0)
+    drawn = 0
+
+    def counted(subject: Subject, R: np.ndarray) -> Visibility:
+        nonlocal drawn
+        drawn += 1
+        return visibility(subject, R)
+
+    def some_box() -> Solid:
+        low = rng.uniform(-0.05, 0.05, 3)
+        return box_at(tuple(low), tuple(low + rng.uniform(0.01, 0.06, 3)))
+
+    monkeypatch.setattr(camera, "visibility", counted)
+    last: Stand | None = None
+    for _ in range(8):
+        moving, target = some_box(), some_box()
+        subject = Subject(
+            fixed=tuple(some_box() for _ in range(4)), moving=(moving,), target=(target,),
+            way=np.linspace(moving.points.mean(axis=0), target.points.mean(axis=0), 12), direction=-UP,
+        )  # fmt: skip
+        found = choose_stand(subject, UP, last)
+        with monkeypatch.context() as everywhere:
+            everywhere.setattr(camera, "_MOST_SEEN", np.inf)
+            assert choose_stand(subject, UP, last) == found
+        last = found
+    assert drawn < 8 * 48 + 8 * 40, "fewer than all the first time"
 
 
 def test_the_page_stands_alone_and_says_what_to_do(tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ class Cascade:
             self._turned[key] = search_unscrew(
                 self._threads,
                 part,
-                self.shared.overlapping(part, bits(others)),
+                self.shared.overlapping(part, others),
                 among=bits(others),
                 direction=direction,
                 max_traced=self.config.max_traced,

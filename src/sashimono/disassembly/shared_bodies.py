@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.geometry.features.tube import SharedBody, Tube, TubeConfig, fit_tube, shared_body
 
@@ -30,12 +31,15 @@ class SharedBodies:
         self.parts = parts
         self.config = config
         self._bodies: dict[tuple[int, int], SharedBody | None] = {}
+        self._overlapping: dict[int, int] = {}
 
-    def overlapping(self, part: int, others: Sequence[int]) -> list[int]:
-        """Return the others that a part overlaps by more than touching it."""
-        parts = self.parts
-        least = self.config.least_depth * np.minimum(parts.sizes[part], parts.sizes)
-        return [other for other in others if parts.overlaps[part, other] > least[other]]
+    def overlapping(self, part: int, others: int) -> list[int]:
+        """Return those of the others (a mask) that a part overlaps by more than touching it."""
+        if part not in self._overlapping:
+            least = self.config.least_depth * np.minimum(self.parts.sizes[part], self.parts.sizes)
+            deep = np.flatnonzero(self.parts.overlaps[part] > least)
+            self._overlapping[part] = sum(1 << int(other) for other in deep)
+        return bits(self._overlapping[part] & others)
 
     def tube(self, part: int, other: int, axis: Float[np.ndarray, "3"]) -> Tube | None:
         """Return the tube about an axis of this direction that two parts share, world frame; None if it is none."""
@@ -43,11 +47,11 @@ class SharedBodies:
         return None if shared is None else fit_tube(shared, axis, config=self.config.tube)
 
     def ploughs(self, part: int, others: Sequence[int], direction: Float[np.ndarray, "3"]) -> bool:
-        """Return whether a part that leaves along a direction goes through the material of one that it overlaps.
+        """Return whether a part that leaves along a direction goes through the material of these, which it overlaps.
 
         The overlap in the assembled pose would excuse it: a pin drawn into solid wood could leave sideways.
         """
-        for other in self.overlapping(part, others):
+        for other in others:
             shared = self._between(part, other)
             # seen from either part, it is the lower one that moves
             sign = 1.0 if part < other else -1.0

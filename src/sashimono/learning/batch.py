@@ -176,20 +176,17 @@ def make_batch(
     index = torch.from_numpy(chosen).to(device, non_blocking=True)
     present = torch.from_numpy(counts).to(device)[:, None] > torch.arange(most, device=device)
 
-    rotation = (
-        random_rotations(len(chosen), random)
-        if config.rotate
-        else torch.eye(3, device=device).expand(len(chosen), 3, 3)
-    )
+    turn = random_quaternions(len(chosen), random) if config.rotate else _unturned(len(chosen), device)
+    rotation = rotations_of(turn)
     parts = _slice(clouds.part_points, part_index, config.part_points, random)[0]
     target, points = _slice(clouds.blueprint_points, index, config.target_points, random)
     center = clouds.part_points[part_index, :, :3].float().mean(dim=1) if config.local else None
     parts_local = pose = None
     if center is not None:
-        own = random_rotations(len(owner), random)
-        parts_local = _jittered(_turned(_moved(parts, -center), own), config.jitter, random)
+        own = random_quaternions(len(owner), random)
+        parts_local = _jittered(_turned(_moved(parts, -center), rotations_of(own)), config.jitter, random)
         moved = (rotation[owner] @ center[..., None])[..., 0]
-        pose = torch.cat([moved, axis_angle(rotation[owner] @ own.transpose(1, 2))], dim=1)
+        pose = torch.cat([moved, axis_angle_between(turn[owner], own)], dim=1)
     remaining, y = _states(clouds, index, present, config.states, placed, random)
     return Batch(
         blueprints=index,
@@ -228,44 +225,35 @@ def bits_of(masks: Tensor, slots: int) -> Tensor:
     return (masks[..., None] >> torch.arange(slots, device=masks.device) & 1).bool()
 
 
-def random_rotations(count: int, random: torch.Generator) -> Tensor:
-    """Return rotation matrices drawn evenly (count, 3, 3)."""
-    q = torch.randn(count, 4, generator=random, device=random.device)
-    w, x, y, z = functional.normalize(q, dim=1).unbind(1)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return torch.stack([torch.stack(row, dim=1) for row in rows], dim=1)
+def random_quaternions(count: int, random: torch.Generator) -> Tensor:
+    """Return unit quaternions (w, x, y, z) of rotations drawn evenly (count, 4)."""
+    return functional.normalize(torch.randn(count, 4, generator=random, device=random.device), dim=1)
 
 
-def axis_angle(rotation: Tensor) -> Tensor:
-    """Return the axis times the angle, at most π, of rotation matrices (..., 3, 3): (..., 3).
+def rotations_of(quaternions: Tensor) -> Tensor:
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4)."""
+    v = quaternions[:, 1:]
+    w, (x, y, z) = quaternions[:, 0], v.unbind(1)
+    zero = torch.zeros_like(w)
+    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=1).unflatten(1, (3, 3))
+    eye = torch.eye(3, device=v.device, dtype=v.dtype)
+    return 2 * (v[:, :, None] * v[:, None] + w[:, None, None] * cross) + (2 * w.square() - 1)[:, None, None] * eye
 
-    By way of the quaternion, the way round its largest component: exact near zero and near π.
+
+def axis_angle_between(after: Tensor, before: Tensor) -> Tensor:
+    """Return the axis times the angle, at most π, of ``after`` times the inverse of ``before``: (n, 3).
+
+    Args:
+        after: Unit quaternions (n, 4).
+        before: The same.
     """
-    m = rotation
-    diagonal = [m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]]
-    twists = [m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]]
-    sums = {
-        (0, 1): m[..., 0, 1] + m[..., 1, 0],
-        (0, 2): m[..., 0, 2] + m[..., 2, 0],
-        (1, 2): m[..., 1, 2] + m[..., 2, 1],
-    }
-    candidates = [torch.stack([1 + diagonal[0] + diagonal[1] + diagonal[2], *twists], dim=-1)]
-    for k in range(3):
-        i, j = (n for n in range(3) if n != k)
-        entries = {0: twists[k], k + 1: 1 + diagonal[k] - diagonal[i] - diagonal[j]}
-        entries |= {n + 1: sums[min(k, n), max(k, n)] for n in (i, j)}
-        candidates.append(torch.stack([entries[n] for n in range(4)], dim=-1))
-    squares = torch.stack([c[..., n] for n, c in enumerate(candidates)], dim=-1)
-    best = squares.argmax(dim=-1)[..., None, None].expand(*squares.shape[:-1], 1, 4)
-    q = functional.normalize(torch.stack(candidates, dim=-2).gather(-2, best)[..., 0, :], dim=-1)
-    q = torch.where(q[..., :1] < 0, -q, q)
-    sine = q[..., 1:].norm(dim=-1, keepdim=True)
-    angle = 2 * torch.atan2(sine, q[..., :1])
-    return q[..., 1:] * torch.where(sine > 1e-7, angle / sine.clamp(min=1e-7), torch.full_like(angle, 2.0))
+    a, b = after[:, :1], before[:, :1]
+    u, v = after[:, 1:], before[:, 1:]
+    w = a * b + (u * v).sum(dim=1, keepdim=True)
+    axis = b * u - a * v - torch.linalg.cross(u, v)
+    axis, w = torch.where(w < 0, -axis, axis), w.abs()
+    sine = axis.norm(dim=1, keepdim=True)
+    return axis * torch.where(sine > 1e-7, 2 * torch.atan2(sine, w) / sine.clamp(min=1e-7), torch.full_like(w, 2.0))
 
 
 def rotation_matrix(vector: Tensor) -> Tensor:
@@ -325,6 +313,10 @@ def _slice(cloud: Tensor, rows: Tensor, count: int, random: torch.Generator) -> 
     start = torch.randint(size, (len(rows), 1), generator=random, device=random.device)
     points = (start + torch.arange(count, device=random.device)) % size
     return cloud[rows[:, None], points].float(), points
+
+
+def _unturned(count: int, device: torch.device) -> Tensor:
+    return torch.tensor([1.0, 0.0, 0.0, 0.0], device=device).expand(count, 4)
 
 
 def _turned(cloud: Tensor, rotation: Tensor) -> Tensor:

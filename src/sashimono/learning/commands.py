@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sashimono.errors import InputError, SashimonoError
+from sashimono.files import atomic_write
 from sashimono.learning.cloud_cache import CloudConfig, Dataset
 
 if TYPE_CHECKING:
@@ -236,8 +237,9 @@ def evaluate_command(
     clouds: CloudConfig | None = None,
     say: Say = lambda line: None,
 ) -> int:
-    """Evaluate trained models, and what needs no learning; write a JSON file each and print table I.
+    """Evaluate trained models, and what needs no learning; write a JSON file each, print table I and draw figures.
 
+    Tables and figures are of all evaluations in ``out`` of the same blueprints, those of earlier calls too.
     A policy is three methods (`sashimono.learning.baselines.playing`). Of policies of several seeds, called alike but
     for a number at the end (``rl-0``, ``rl-1``), there is one more of each, with means and spread (``rl``).
 
@@ -250,24 +252,23 @@ def evaluate_command(
         states: States of each blueprint for one-step accuracy.
         timed: Blueprints inferred one at a time, for the time of a sequence.
         with_heuristics: Whether random orders, inside out and the rule are evaluated too.
-        ata: Whether Assemble-Them-All is too, and most seconds that it gets for one blueprint.
+        ata: Whether Assemble-Them-All is too, and most processor time that it gets for one blueprint [s].
         cache: Folder for clouds; ``out`` if not given.
         device: A GPU if there is one, unless given.
-        workers: Processes that make the clouds.
+        workers: Processes that make the clouds, and simulate.
         clouds: What is sampled.
         say: Called with each line of the result.
     """
     require_torch()
     import numpy as np
 
-    from sashimono.learning.baselines.ata import AtaPredictor
+    from sashimono.learning.baselines.ata import simulate
     from sashimono.learning.cloud_cache import make_cache
     from sashimono.learning.devices import find_place, refuse_device
     from sashimono.learning.evaluate import evaluate, heuristics, over_seeds, write_evaluation
     from sashimono.learning.export import note_figures
     from sashimono.learning.predictor import NetworkPredictor
     from sashimono.learning.registry import BY_REWARD, prepared
-    from sashimono.learning.report import group_table, table_one
     from sashimono.learning.weights import load_model, read_weights
 
     # what was asked for is looked at before the clouds are sampled, which takes long
@@ -291,7 +292,8 @@ def evaluate_command(
     if with_heuristics:
         judge(heuristics(made))
     if ata is not None:
-        judge({"ata": AtaPredictor(data=dataset, seconds=ata)})
+        several = rows[made.counts[rows] > 2]
+        judge({"ata": simulate(made, dataset, several, seconds=ata, workers=workers, say=say)})
     with find_place(device) as place:
         tensors = made.to(place.device)
         bench = None
@@ -320,10 +322,26 @@ def evaluate_command(
             found[name] = over_seeds(name, [found[title] for title in seeds])
     for name, evaluation in found.items():
         write_evaluation(out / f"{name.replace(' ', '-')}.json", evaluation)
-    say(table_one(found))
-    for group in ("by_split", "by_parts", "by_family"):
-        say(group_table(found, group))
+    _report(out, next(iter(found.values())), say)
     return 0
+
+
+def _report(out: Path, like: Evaluation, say: Say) -> None:
+    """Print tables, and draw figures if matplotlib is there, of all evaluations in a folder that are of the same
+    blueprints as one: those of earlier calls too."""
+    from sashimono.learning.evaluate import read_evaluations
+    from sashimono.learning.report import group_table, in_order, table_one
+
+    found = in_order(read_evaluations(out, like))
+    tables = [table_one(found), *(group_table(found, group) for group in ("by_split", "by_parts", "by_family"))]
+    for text in tables:
+        say(text)
+    with atomic_write(out / "tables.md") as scratch:
+        scratch.write_text("\n\n".join(tables) + "\n", encoding="utf-8")
+    if importlib.util.find_spec("matplotlib"):
+        from sashimono.learning.figures import draw_sensitivity
+
+        draw_sensitivity(found, out / "sensitivity.svg")
 
 
 def _names(models: Sequence[Path]) -> dict[str, Path]:

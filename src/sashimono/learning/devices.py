@@ -68,6 +68,7 @@ def find_place(device: str | None = None) -> Iterator[Place]:
         torch.cuda.set_device(device)
         torch.backends.cuda.matmul.allow_tf32 = True
         torch.backends.cudnn.allow_tf32 = True
+        torch.backends.cuda.enable_cudnn_sdp(False)  # plans each new shape anew, for seconds; ours vary by batch
     if world == 1:
         yield Place(device=device)
         return

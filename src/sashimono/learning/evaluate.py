@@ -425,6 +425,20 @@ def read_evaluation(path: Path) -> Evaluation:
     return Evaluation(**{field.name: values[field.name] for field in fields(Evaluation)})
 
 
+def read_evaluations(folder: Path, like: Evaluation) -> dict[str, Evaluation]:
+    """Return, by method, the evaluations in a folder that are of the same blueprints of the same data as one."""
+    blueprints = {record.id for record in like.records}
+    found = {}
+    for path in sorted(folder.glob("*.json")):
+        values = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(values, dict) or values.get("data") != like.data or "records" not in values:
+            continue  # of other data, or no evaluation
+        each = read_evaluation(path)
+        if {record.id for record in each.records} == blueprints:
+            found[each.name] = each
+    return found
+
+
 def _record(
     blueprint: LabelledBlueprint, one: Mapping[str, float], order: Sequence[int], pose: np.ndarray | None
 ) -> Record:

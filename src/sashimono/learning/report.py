@@ -30,6 +30,25 @@ ROW_OF = {
 """The paper's row that a method is an instance of, by the first word of its name; ``past-posed`` is ours."""
 
 
+ORDER = ("random", "inside out", "rule", "nsm", "dgl", "ata", "ppo", "rl", "seg", "noaux", "past")
+"""The order of table I, by the first word of a method's name or by all of it; ours is last."""
+
+
+def in_order(evaluations: Mapping[str, Evaluation]) -> dict[str, Evaluation]:
+    """Return evaluations in the order of table I, what needs no learning first and ours last."""
+
+    def place(name: str) -> tuple[int, str]:
+        known = name if name in ORDER else name.split("-")[0]
+        return (ORDER.index(known) if known in ORDER and not is_ours(name) else len(ORDER)), name
+
+    return {name: evaluations[name] for name in sorted(evaluations, key=place)}
+
+
+def is_ours(name: str) -> bool:
+    """Return whether a method is none of the paper's: it has the parts in place."""
+    return name.startswith("past-posed")
+
+
 def table_one(evaluations: Mapping[str, Evaluation]) -> str:
     """Return table I as Markdown: the paper's figures beside ours, on our data. Accuracies in per cent."""
     head = [
@@ -49,9 +68,8 @@ def table_one(evaluations: Mapping[str, Evaluation]) -> str:
     rows = [head, ["---"] * len(head)]
     for name, evaluation in evaluations.items():
         own = evaluation.overall
-        paper = (
-            PAPER.get(ROW_OF.get(name.split("-")[0], ""), (None, None, None)) if name != "past-posed" else (None,) * 3
-        )
+        row = "" if is_ours(name) else ROW_OF.get(name.split("-")[0], "")
+        paper = PAPER.get(row, (None, None, None))
         rows.append(
             [
                 name,

@@ -47,7 +47,7 @@ def draw(
     part: int,
     points: Float[np.ndarray, "vertex 3"],
     faces: Int[np.ndarray, "face 3"],
-    normals: Float[np.ndarray, "face 3 3"],
+    normals: Float[np.ndarray, "shaded 3 3"],
 ) -> None:
     """Draw a part into a layer.
 
@@ -56,7 +56,8 @@ def draw(
         part: Its number.
         points: Column, row and depth of each vertex.
         faces: Triangles.
-        normals: Unit normals of the triangles' corners: right, up, towards the viewer.
+        normals: Unit normals of the triangles' corners: right, up, towards the viewer. There may be none: then the
+            layer's normals stay as they are.
     """
     _draw(points, faces, normals.astype(np.float32), part, layer.depth, layer.part, layer.normal)
 
@@ -98,6 +99,7 @@ def _corner_normals(points, faces, flat, corners, starts, least):  # pragma: no 
 @njit(cache=True, nogil=True)
 def _draw(points, faces, normals, number, depth, part, normal):  # pragma: no cover - compiled
     rows, columns = depth.shape
+    shaded = len(normals) > 0
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, ay, az = points[i, 0], points[i, 1], points[i, 2]
@@ -120,6 +122,8 @@ def _draw(points, faces, normals, number, depth, part, normal):  # pragma: no co
                 if z < depth[y, x]:
                     depth[y, x] = z
                     part[y, x] = number
+                    if not shaded:
+                        continue
                     for axis in range(3):
                         first = normals[f, 0, axis]
                         normal[y, x, axis] = (

@@ -52,19 +52,19 @@ def _fewest(component: Component, preferred: Sequence[str], config: StabilityCon
     count = len(component.groups)
     if component.forces == 0:  # touches nothing
         return tuple(range(count)), True
-    left = component.imbalance()
-    if left.sum() <= config.tolerance:
+    if component.stands():
         return (), True
     needed = component.needed()
+    if needed and component.stands(needed):
+        return tuple(needed), True
+    left = component.imbalance()
     wanted = [any(name in preferred for name in group) for group in component.groups]
     # first what is in a hand anyway, then what is least balanced
     order = sorted(
         (k for k in range(count) if k not in needed), key=lambda k: (not wanted[k], -round(float(left[k]), 6), k)
     )
-    programs = 0
-    for size in range(count - len(needed)):
-        if size == 0 and not needed:
-            continue
+    programs = 1 if needed else 0
+    for size in range(1, count - len(needed)):
         for more in combinations(order, size):
             if programs >= config.max_programs:
                 return _few(component, needed), False

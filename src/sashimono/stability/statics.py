@@ -17,11 +17,14 @@ from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 from scipy.sparse import csc_array, eye_array, hstack
 
 from sashimono.plan import Table
 from sashimono.stability.touching import Touch, Touching
+
+_FEW_ROWS = 60
+"""Balances of so many rows and fewer are told by least squares first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +84,21 @@ class Component:
         return out
 
     def stands(self, held: Collection[int] = ()) -> bool:
-        """Return whether all others balance if these groups are held."""
+        """Return whether all others balance if these groups are held.
+
+        Of few groups, the least sum of squares that forces leave over tells nearly always, in a fraction of the time.
+        The least sum is no less than its root, and no more than that times the root of the number of rows.
+        """
+        free = np.repeat(~np.isin(np.arange(len(self.groups)), list(held)), 6)
+        if 0 < free.sum() <= _FEW_ROWS:
+            try:
+                _, left = nnls(self.wrenches[free].toarray(), self.wanted[free])
+            except RuntimeError:  # it gave up: the linear program is asked
+                left = np.nan
+            if np.sqrt(free.sum()) * left <= self.tolerance:
+                return True
+            if left > self.tolerance:
+                return False
         return bool(self.imbalance(held).sum() <= self.tolerance)
 
 

@@ -292,7 +292,7 @@ class _Chooser:
             ploughs = any(
                 self.cascade.shared.ploughs(part, overlapped, blocking.direction(s))
                 for part in members
-                if (overlapped := self.cascade.shared.overlapping(part, bits(others)))
+                if (overlapped := self.cascade.shared.overlapping(part, others))
             )
             ways.append(((ploughs, -round(worth(blocking.direction(s)) + rest, 6)), s))
         found = []
@@ -374,7 +374,7 @@ class _Chooser:
     def _by_ploughing(self, part: int, others: int, open_ways: list[int]) -> Iterator[tuple[bool, list[int]]]:
         """Yield the open directions that do not plough through what the part overlaps, then those that do."""
         blocking, shared = self.cascade.blocking, self.cascade.shared
-        overlapped = shared.overlapping(part, bits(others))
+        overlapped = shared.overlapping(part, others)
         through = {s: bool(overlapped) and shared.ploughs(part, overlapped, blocking.direction(s)) for s in open_ways}
         for ploughs in (False, True):
             yield ploughs, [s for s in open_ways if through[s] == ploughs]

@@ -228,7 +228,7 @@ class Ways:
         shared = self._cascade.shared
         ploughs = self._lines.ploughs
         for part in bits(members):
-            for other in shared.overlapping(part, bits(others)):
+            for other in shared.overlapping(part, others):
                 key = (part, other, direction_index)
                 if key not in ploughs:
                     ploughs[key] = shared.ploughs(part, [other], self.directions[direction_index])

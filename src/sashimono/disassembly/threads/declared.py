@@ -104,7 +104,8 @@ def _tubes(
     """The other part whose tube is left last, that tube, and the travel until then; None if tubes are not coaxial."""
     parts = shared.parts
     best: tuple[int, Tube, float] | None = None
-    for other in shared.overlapping(part, others):
+    overlapped = shared.overlapping(part, sum(1 << other for other in others))
+    for other in overlapped:
         tube = shared.tube(part, other, axis)
         if tube is None:
             continue

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.view.manual.drawing import Solid, fit_view, layer_of, look_from
+from sashimono.view.manual.drawing import Solid, fit_view, layer_of, look_from, merged
 
 AZIMUTHS = tuple(np.radians(-90.0 + 90.0 * quarter + turn) for quarter in range(4) for turn in (28.0, 45.0, 62.0))
 """About the table's normal [rad]; none along an axis of the world, where boxes look flat."""
@@ -16,6 +18,9 @@ ELEVATIONS = ((0.5, 0.0), (0.95, 0.06), (0.2, 0.1), (-0.45, 0.45))
 """Heights of the viewer [rad], and how much each is disliked: a person stands above the table."""
 _SIZE = 110
 """Of the pictures that views are compared by [pixels]."""
+_WEIGHTS = (1.2, 1.2, 0.6)
+"""What it is worth to see all of the coming parts, of their way, and of where they end."""
+_MOST_SEEN = sum(_WEIGHTS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,6 +37,16 @@ class Subject:
     direction: Float[np.ndarray, "3"] | None
     """The way of travel; None if nothing moves."""
 
+    @cached_property
+    def groups(self) -> tuple[Solid, Solid, Solid]:
+        """What is fixed, what moves, and where that ends, each as one: quicker to draw from many places."""
+        return merged(self.fixed), merged(self.moving), merged(self.target)
+
+    @cached_property
+    def points(self) -> Float[np.ndarray, "n 3"]:
+        """Of all of it."""
+        return np.concatenate([group.points for group in self.groups])
+
 
 @dataclass(frozen=True, kw_only=True)
 class Stand:
@@ -45,16 +60,24 @@ def choose_stand(subject: Subject, up: Float[np.ndarray, "3"], last: Stand | Non
     """Return the best of 48 places.
 
     Counted are the share of the coming parts that is seen, of their way, and of where they end; how long the way
-    looks; and how near the place is to that of the picture before, so that the reader need not walk about.
+    looks; and how near the place is to that of the picture before, so that the reader need not walk about. Only places
+    that could still be the best are drawn.
     """
-    best, most = Stand(azimuth=AZIMUTHS[0], elevation=ELEVATIONS[0][0]), -np.inf
+    places = []
     for elevation, dislike in ELEVATIONS:
         for azimuth in AZIMUTHS:
-            stand = Stand(azimuth=azimuth, elevation=elevation)
-            score = _score(subject, look_from(up, azimuth, elevation)) - dislike
-            score += 0.45 * _nearness(stand, last) if last is not None else 0.05 * float(np.cos(azimuth + 0.8))
-            if score > most + 1e-9:
-                best, most = stand, score
+            stand, R = Stand(azimuth=azimuth, elevation=elevation), look_from(up, azimuth, elevation)
+            near = 0.45 * _nearness(stand, last) if last is not None else 0.05 * float(np.cos(azimuth + 0.8))
+            places.append((_slant(subject, R) + 0.3 * _size(subject, R) - dislike + near, stand, R))
+    places.sort(key=lambda place: -place[0])
+    best, most = places[0][1], -np.inf
+    for beside, stand, R in places:
+        if beside + _MOST_SEEN <= most:
+            break
+        seen = visibility(subject, R)
+        score = beside + sum(weight * share for weight, share in zip(_WEIGHTS, seen, strict=True))
+        if score > most + 1e-9:
+            best, most = stand, score
     return best
 
 
@@ -62,32 +85,32 @@ def _nearness(stand: Stand, last: Stand) -> float:
     return 0.5 * float(np.cos(stand.azimuth - last.azimuth)) + 0.5 * (stand.elevation == last.elevation)
 
 
-def _score(subject: Subject, R: Float[np.ndarray, "3 3"]) -> float:
-    seen = visibility(subject, R)
-    slant = 1.0
-    if subject.direction is not None:
-        slant = min(1.0, float(np.linalg.norm(R[:2] @ subject.direction)) / 0.75)
-    return 1.2 * seen.moving + 1.2 * seen.way + 0.6 * seen.target + 1.0 * slant + 0.3 * seen.fixed
+def _slant(subject: Subject, R: Float[np.ndarray, "3 3"]) -> float:
+    """How long the way looks, from 0 to 1."""
+    if subject.direction is None:
+        return 1.0
+    return min(1.0, float(np.linalg.norm(R[:2] @ subject.direction)) / 0.75)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Visibility:
+def _size(subject: Subject, R: Float[np.ndarray, "3 3"]) -> float:
+    """How large everything is seen, over the largest that a view could have."""
+    spread = np.prod(np.ptp(subject.points @ R[:2].T, axis=0))
+    largest = float(np.linalg.norm(np.ptp(subject.points, axis=0))) ** 2
+    return float(spread) / max(largest, 1e-18)
+
+
+class Visibility(NamedTuple):
     """Shares from 0 to 1 of what is seen."""
 
     moving: float
     way: float
     target: float
-    fixed: float
-    """Of all parts that stand: how large they are seen, over the largest that a view could have."""
 
 
 def visibility(subject: Subject, R: Float[np.ndarray, "3 3"]) -> Visibility:
     """Return what is seen of a subject by a viewer with these rows right, up, towards him."""
-    solids = [*subject.fixed, *subject.moving, *subject.target]
-    view = fit_view(np.concatenate([solid.points for solid in solids]), R, _SIZE, _SIZE, 0.02)
-    fixed, moving, target = (
-        layer_of(group, view, shaded=False) for group in (subject.fixed, subject.moving, subject.target)
-    )
+    view = fit_view(subject.points, R, _SIZE, _SIZE, 0.02)
+    fixed, moving, target = (layer_of([group], view, shaded=False) for group in subject.groups)
 
     def share(layer_depth: np.ndarray, before: Sequence[np.ndarray]) -> float:
         own = np.isfinite(layer_depth)
@@ -99,14 +122,10 @@ def visibility(subject: Subject, R: Float[np.ndarray, "3 3"]) -> Visibility:
     columns, rows = np.clip(np.round(view.pixel(subject.way) - 0.5).astype(int), 0, _SIZE - 1).T
     depth = -(subject.way @ view.R[2]) * view.scale
     covered = fixed.depth[rows, columns] < depth - 1.5
-    spread = np.prod(np.ptp(np.concatenate([s.points for s in solids]) @ R[:2].T, axis=0))
-    box = np.ptp(np.concatenate([s.points for s in solids]), axis=0)
-    largest = float(np.linalg.norm(box)) ** 2
     return Visibility(
         moving=share(moving.depth, [fixed.depth]),
         way=1.0 - float(covered.mean()) if len(covered) else 1.0,
         target=share(target.depth, [fixed.depth]),
-        fixed=float(spread) / max(largest, 1e-18),
     )
 
 
@@ -116,9 +135,8 @@ def choose_glass(subject: Subject, R: Float[np.ndarray, "3 3"], *, enough: float
     None while ``enough`` of the coming parts and of where they end is seen.
     """
     glass: set[int] = set()
-    goal = [*subject.moving, *subject.target]
-    view = fit_view(np.concatenate([s.points for s in [*subject.fixed, *goal]]), R, _SIZE, _SIZE, 0.02)
-    wanted = [layer_of(group, view, shaded=False).depth for group in (subject.moving, subject.target)]
+    view = fit_view(subject.points, R, _SIZE, _SIZE, 0.02)
+    wanted = [layer_of([group], view, shaded=False).depth for group in subject.groups[1:]]
     depths = [layer_of([solid], view, shaded=False).depth for solid in subject.fixed]
     for _ in subject.fixed:
         left = [k for k in range(len(depths)) if k not in glass]

@@ -26,6 +26,17 @@ class Solid:
     glass: bool = False
 
 
+def merged(solids: Sequence[Solid]) -> Solid:
+    """Return solids as one, of no colour."""
+    first = np.cumsum([0, *(len(solid.points) for solid in solids)])
+    faces = [solid.faces + start for solid, start in zip(solids, first[:-1], strict=True)]
+    return Solid(
+        points=np.concatenate([np.zeros((0, 3)), *(solid.points for solid in solids)]),
+        faces=np.concatenate([np.zeros((0, 3), dtype=np.int64), *faces]),
+        color=np.ones(3),
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
     """From where, and which window of the world."""
@@ -76,8 +87,7 @@ def _draw(layer: Layer, k: int, solid: Solid, view: View, shaded: bool, times: i
     place = view.pixel(solid.points) * times - 0.5
     depth = -(solid.points @ view.R[2]) * view.scale * times
     screen = np.concatenate([place, depth[:, None]], axis=1)
-    flat = np.zeros((len(solid.faces), 3, 3))
-    normals = smooth_normals(screen * [1.0, -1.0, -1.0], solid.faces) if shaded else flat
+    normals = smooth_normals(screen * [1.0, -1.0, -1.0], solid.faces) if shaded else np.zeros((0, 3, 3))
     draw(layer, k, screen, solid.faces, normals)
 
 
