@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -348,6 +349,11 @@ def test_directions_in_words() -> None:
     assert _direction_words(turned) == "turning"
 
 
+def _without_numbers(text: str) -> str:
+    """The words of an answer: the last digits differ from machine to machine."""
+    return " ".join(re.sub(r"\d+(\.\d+)?", "#", text).split())
+
+
 @pytest.mark.slow
 def test_demo_as_a_user_runs_it(tmp_path: Path) -> None:
     done = subprocess.run(
@@ -361,6 +367,11 @@ def test_demo_as_a_user_runs_it(tmp_path: Path) -> None:
     out = tmp_path / "sashimono_demo"
     assert sorted(path.name for path in out.iterdir()) == ["gearbox.step", "plan.glb", "plan.html", "plan.json"]
     assert str(out / "plan.html") in done.stdout
+    readme = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
+    sample = readme.split("here of the gearbox, in part):")[1].split("```")[1].strip().splitlines()
+    assert len(sample) >= 6
+    for line in sample:
+        assert _without_numbers(line.removesuffix("...")) in _without_numbers(done.stdout), line
     check = subprocess.run(
         [sys.executable, "-c", "from sashimono.cli import main; main()", "verify", str(out / "plan.json")],
         cwd=tmp_path.parent,

@@ -151,7 +151,12 @@ def infer(
 
 def _is_scan(source: Path) -> bool:
     """Whether this is a folder of .ply files of points without faces."""
-    if not source.is_dir():
+    try:
+        heads = []
+        for path in source.iterdir() if source.is_dir() else ():
+            if path.suffix.lower() == ".ply" and path.is_file():
+                with path.open("rb") as stream:
+                    heads.append(stream.read(4096))
+    except OSError:  # the reader of products says what is wrong
         return False
-    heads = [path.read_bytes()[:4096] for path in source.iterdir() if path.suffix.lower() == ".ply"]
     return bool(heads) and not any(re.search(rb"element face [1-9]", head) for head in heads)

@@ -6,6 +6,7 @@ import manifold3d
 import numpy as np
 import nuts
 import pytest
+from removal_check import problems
 from solids import LEAD, bolt, box, part, peg_in_plate, rod, screwed
 
 from sashimono.assembly import Assembly, Part
@@ -140,6 +141,34 @@ def test_a_part_that_its_thread_holds_is_said_to_be_and_asked_nothing_more() -> 
     found = search_unscrew(Threads(cascade.parts, config=UnscrewConfig()), 1, [0], max_traced=40_000_000)
     # 15 mm are below it, and 16 mm above
     assert sorted(way.turns for way in found.stopped) == pytest.approx([10.0, 10.7], abs=0.6)
+
+
+def relieved(quarters: int) -> Assembly:
+    """A screw with a head and a waist, in a sleeve whose thread is about the waist, so that its end enters that later.
+
+    The end is threaded as well, so many quarter turns out of step with the rest.
+    """
+    waist = manifold3d.Manifold.cylinder(32.0, 4.1, 4.1, 32).translate((0.0, 0.0, -7.0))
+    end = nuts.thread(10.0, 1.5, 1, 32, 5.0, 0.0).rotate((0.0, 0.0, 90.0 * quarters)).translate((0.0, 0.0, -9.0))
+    rest = nuts.thread(10.0, 1.5, 1, 32, 15.0, 0.0).translate((0.0, 0.0, 18.0))
+    head = manifold3d.Manifold.cylinder(4.0, 9.0, 9.0, 32).translate((0.0, 0.0, 33.0))
+    hole = nuts.thread(10.0, 1.5, 1, 32, 12.0, 0.15)
+    nut = nuts.hexagon(17.0, 9.0) - hole.translate((0.0, 0.0, -1.5)).rotate((0.0, 0.0, -360.0))
+    sleeve = manifold3d.Manifold.cylinder(18.0, 8.0, 8.0, 32) - manifold3d.Manifold.cylinder(18.0, 5.6, 5.6, 32)
+    nut = nut.translate((0.0, 0.0, 3.0)) + sleeve.translate((0.0, 0.0, 12.0))
+    return Assembly(parts=(threaded("screw", waist + end + rest + head), threaded("nut", nut)))
+
+
+@pytest.mark.parametrize("quarters", [1, 2])
+def test_a_stretch_of_thread_that_enters_later_has_a_phase_of_its_own(quarters: int) -> None:
+    parts = relieved(quarters)
+    there = PlacedParts(parts, make_bodies(parts), config=PlacedPartsConfig())
+    found = search_unscrew(Threads(there, config=UnscrewConfig()), 0, [1], max_traced=40_000_000)
+    assert found.removal is not None
+    assert found.removal.exit_direction @ Z > 0.99, "the head does not pass the nut"
+    turned = sum(Screw.of(between(a, b)).angle for a, b in pairwise(found.removal.displacements))
+    assert turned > 2.0 * np.pi
+    assert problems(parts, parts.parts[0], [parts.parts[1]], found.removal) == []
 
 
 def test_ridges_drawn_into_each_other_are_turned_out_not_pulled_through() -> None:

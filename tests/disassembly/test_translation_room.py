@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from manifold3d import Manifold
+from removal_check import problems
 from solids import assembly, box
 
+from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
@@ -33,3 +35,28 @@ def test_room_leads_out_and_a_touching_part_has_none() -> None:
     assert len(way) >= 2
     assert abs(way[-1, :2]).max() > 0.025
     assert (way[:, 2] > 0.0).all()
+
+
+def trough(length: float) -> Assembly:
+    """A rod in a block, with a channel so long [m] that leads out at 13 degrees from upright, between two end walls."""
+    rod = Manifold.cylinder(0.03, 0.01, 0.01, 64, True).rotate((90.0, 0.0, 0.0))
+    hole = wider = rod.scale((1.005, 1.006, 1.005))
+    for angle in np.radians((12.5, 13.0, 13.5)):
+        way = length * np.array([np.sin(angle), 0.0, np.cos(angle)])
+        hole += Manifold.batch_hull([wider, wider.translate(tuple(way))])
+    return assembly(rod=rod, trough=box((0.06, 0.0402, 0.05), (0.0, 0.0, 0.009)) - hole)
+
+
+def test_a_straight_way_out_that_no_face_points_along_is_found() -> None:
+    parts = trough(0.08)
+    cascade = Cascade(parts, make_bodies(parts), config=SeparateConfig())
+    assert cascade.directions.separate(0, 0b11, max_traced=0).removal is None, "no line leads out"
+    said = cascade.translations.separate(0, 0b11, max_traced=0)
+    assert said.removal is not None
+    assert problems(parts, parts.parts[0], [parts.parts[1]], said.removal) == []
+
+
+def test_the_same_with_the_way_closed_is_held() -> None:
+    parts = trough(0.015)
+    cascade = Cascade(parts, make_bodies(parts), config=SeparateConfig())
+    assert cascade.translations.separate(0, 0b11, max_traced=0).removal is None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from elastic_set import ELASTIC, RIGID, FitCase, coil, hooks, ring, torus, wedge
 from solids import assembly as assembly_of
-from solids import rod
+from solids import box, rod
 from tilt_set import part_of
 
 from sashimono.assembly import Assembly
@@ -16,6 +16,7 @@ from sashimono.console import summary_lines
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.free_travel import free_travel
 from sashimono.errors import PlanFormatError
+from sashimono.fits.arms import find_arm
 from sashimono.fits.config import FitConfig
 from sashimono.fits.find import FitFinder
 from sashimono.fits.shapes import elastic_shape
@@ -66,6 +67,18 @@ def test_no_rigid_one_is_told(case: FitCase) -> None:
 @pytest.mark.parametrize("case", ELASTIC, ids=lambda case: case.name)
 def test_each_elastic_one_is_told(case: FitCase) -> None:
     assert [fit.kind for fit in fits_of(case.assembly())] == [case.kind]
+
+
+@pytest.mark.parametrize("height", [0.125, 0.5, 1.0])
+def test_the_root_of_an_arm_is_found_from_anywhere_on_a_lip_as_thick_as_the_arm(height: float) -> None:
+    """The middle of arm and lip together lies in the face of the arm below the lip."""
+    arm = box((0.5, 2.0, 6.0), (0.25, 0.0, -1.0)) + box((0.5, 2.0, 2.0), (0.75, 0.0, 1.0))
+    hook = assembly_of(hook=arm + box((5.0, 4.0, 2.0), (0.5, 0.0, -5.0)))
+    pressed, inwards = np.array([1.0, 0.3, height]), np.array([-1.0, 0.0, 0.0])
+    found = find_arm(make_bodies(hook)["hook"], pressed, inwards, 0.1, config=FitConfig())
+    assert found is not None
+    assert found[0].thickness == pytest.approx(0.5)
+    assert found[0].length == pytest.approx(4.0 + height, abs=0.4)
 
 
 def test_shapes_that_are_elastic_in_themselves() -> None:

@@ -67,6 +67,13 @@ def test_a_file_that_cannot_be_read_fails_with_its_line_and_no_path(client, tmp_
     assert found["files"] == []
 
 
+def test_an_archive_that_is_refused_is_told_in_its_own_words(client, caplog):
+    found = wait_for(client, send(client, b"PK\x03\x04nothing", name="x.zip").json()["id"])
+    assert found["state"] == "failed"
+    assert found["message"].startswith("x.zip: not a readable archive")
+    assert caplog.records == [], "it is no fault of the server"
+
+
 @pytest.mark.parametrize("name", ["", "x.exe", "../..", "x"])
 def test_bad_names_are_refused(client, name):
     answer = send(client, b"x", name=name)

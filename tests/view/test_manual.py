@@ -20,12 +20,14 @@ from sashimono.geometry.legs import Leg
 from sashimono.plan import AssemblyPlan, DeclaredFit, Fixture, Motion, Segment, Step
 from sashimono.view.config import ViewConfig
 from sashimono.view.manual import camera
+from sashimono.view.manual.arrows import has_room, straight_arrow
 from sashimono.view.manual.camera import Stand, Subject, Visibility, choose_glass, choose_stand, visibility
 from sashimono.view.manual.content import common_name, make_manual
 from sashimono.view.manual.drawing import Solid, look_from
+from sashimono.view.manual.page import _Page as _Page_of_manual
 from sashimono.view.manual.page import render_manual, write_manual
 from sashimono.view.manual.pdf import find_browser, print_page
-from sashimono.view.manual.pictures import PictureConfig
+from sashimono.view.manual.pictures import Illustrator, PictureConfig
 from sashimono.view.scene import make_scene
 from sashimono.view.words import ENGLISH, GERMAN, LANGUAGES, leg_words, length_words, way_lines, way_words
 
@@ -177,6 +179,76 @@ def test_alike_fasteners_come_in_one_task_and_others_do_not() -> None:
     assert [len(task.steps) for task in make_manual(blocks, solid).tasks] == [1, 1, 1, 1]
 
 
+def arrows_and_mouths(plan: AssemblyPlan, assembly: Assembly) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of the last task's picture: where each arrow ends, and the mouth that it is for."""
+    draw = Illustrator(plan, assembly, replace(SMALL, width=960, height=600))
+    marks = [draw.task(task) for task in make_manual(plan, assembly).tasks][-1].marks
+    tips = [np.array(mark.points[-1]) for mark in marks if mark.kind == "arrow"]
+    return list(zip(tips, [np.array(mark.points[0]) for mark in marks if mark.kind == "way on"], strict=True))
+
+
+def test_each_of_several_fasteners_has_an_arrow_to_its_own_hole() -> None:
+    found = arrows_and_mouths(*bolted_plate())
+    assert len(found) == 4
+    for tip, mouth in found:
+        assert tip == pytest.approx(mouth)
+    assert len({tuple(np.round(tip)) for tip, _ in found}) == 4
+
+
+def test_a_wide_plate_is_drawn_so_far_back_that_its_arrow_fits_below() -> None:
+    post, lid = part("post", solids.box((0.02, 0.02, 0.06))), part("lid", solids.box((0.08, 0.08, 0.002)))
+    lid = replace(lid, T_world_part=se3.make(translation=0.031 * UP))
+    steps = (
+        Step(part="post", fixed=(), motion=Motion(T_world_part=np.eye(4)[None], segments=()), contact=None),
+        Step(
+            part="lid",
+            fixed=("post",),
+            motion=Motion(
+                T_world_part=np.array([se3.make(translation=0.05 * UP) @ lid.T_world_part, lid.T_world_part]),
+                segments=(Segment(kind="insertion", start=0, stop=1),),
+            ),
+            contact=None,
+        ),
+    )
+    plan, _ = stacked_blocks()
+    parts = (post, lid)
+    plan = replace(plan, parts={p.name: p.T_world_part for p in parts}, order=("post", "lid"), steps=steps)
+    ((tip, mouth),) = arrows_and_mouths(plan, Assembly(parts=parts))
+    assert tip == pytest.approx(mouth), "the arrow is not beside the lid"
+
+
+def test_an_arrow_without_room_is_drawn_beside_what_comes() -> None:
+    own = np.zeros((100, 100), dtype=bool)
+    own[20:60, 30:70] = True
+    below = np.array([[50.0, 40.0], [50.0, 98.0]])
+    assert not has_room(below, own)
+    assert not has_room(np.array([[50.0, 40.0], [50.0, 40.0]]), own)
+    (x, _), (x_end, _) = straight_arrow(below, own).points
+    assert x == x_end > 70
+    wide = np.pad(own, ((0, 100), (0, 0)))
+    assert has_room(np.array([[50.0, 40.0], [50.0, 150.0]]), wide)
+
+
+def test_the_cover_lists_the_tools_of_the_tasks_and_what_the_colours_mean() -> None:
+    plan, assembly = bolted_plate()
+    text = " ".join(read(render_manual(plan, assembly, pictures=SMALL)).words)
+    assert text.count("hex key 3 mm") == 2, "on the cover, and in the task that needs it"
+    assert ENGLISH.coming in text
+    assert ENGLISH.ends in text
+    assert ENGLISH.held not in text
+    held = replace(plan.steps[-1], held=("screw_4",))
+    text = " ".join(read(render_manual(replace(plan, steps=(*plan.steps[:4], held)), assembly, pictures=SMALL)).words)
+    assert ENGLISH.held in text
+    assert "The drawing shows nothing that holds screw_4: fasten before you let go." in text
+
+
+def test_many_parts_of_one_shape_are_counted_rather_than_named() -> None:
+    plan, assembly = bolted_plate()
+    page = _Page_of_manual(plan, assembly, ENGLISH, SMALL, None)
+    assert page._counted(["screw_1", "screw_2", "plate"]) == ["screw_1", "screw_2", "plate"]
+    assert page._counted(["screw_1", "plate", "screw_2", "screw_3"]) == ["3 × screw", "plate"]
+
+
 def test_the_viewer_stands_where_the_way_is_not_hidden() -> None:
     # a wall before the part on all sides but one
     walls = (
@@ -255,13 +327,13 @@ def test_the_page_stands_alone_and_says_what_to_do(tmp_path: Path) -> None:
     parser = read(page)
     text = " ".join(parser.words)
     for said in (
-        "Hold block_ 0 in a fixture, its lowest point 12 mm above the table.",
+        "Hold block_0 in a fixture, its lowest point 12 mm above the table.",
         "Down 50 mm.",
-        "Hold block_ 1 so that nothing falls or tips.",
-        "Let go of block_ 1.",
+        "Hold block_1 so that nothing falls or tips.",
+        "Let go of block_1.",
         "Needs 2 hands at once.",
         "The plan has no grasp here",
-        "block_ 3: no way in was found.",
+        "block_3: no way in was found.",
     ):
         assert said in text, said
     links = [value for _, attributes in parser.tags for key, value in attributes.items() if key in ("src", "href")]
@@ -286,7 +358,7 @@ def test_what_is_held_on_is_told_apart_from_what_is_held_anew() -> None:
         (("block_2",), ("block_1",)),
     ]
     text = " ".join(read(render_manual(replace(plan, steps=steps), assembly, pictures=SMALL)).words)
-    for said in ("Keep holding block_ 1.", "Hold block_ 2 so that", "Let go of block_ 1."):
+    for said in ("Keep holding block_1.", "Hold block_2 so that", "Let go of block_1."):
         assert said in text
 
 

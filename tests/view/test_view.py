@@ -233,6 +233,34 @@ def test_drawn_apart_parts_stay_on_the_axis_of_what_they_sit_on() -> None:
     assert [pull.turn for pull in found.pulls["pin"]] == sorted(pull.turn for pull in found.pulls["pin"])
 
 
+def test_what_is_drawn_out_of_a_turned_part_goes_no_farther_than_out_of_a_straight_one() -> None:
+    """A pin in the side of a long bar: the box about a slanting bar is many times as deep as the bar."""
+    vertices, faces = box((0.2, 0.02, 0.02))
+    thin, _ = box((0.004, 0.01, 0.004))
+    plan, _ = stacked_blocks()
+    travel = []
+    for angle in (0.0, np.radians(40.0)):
+        turn = se3.make(se3.exp_so3(np.array([0.0, 0.0, angle])))
+        bar = Part(name="bar", vertices_part=vertices, faces=faces, T_world_part=turn)
+        T = turn @ se3.make(translation=np.array([0.0, 0.006, 0.0]))
+        pin = Part(name="pin", vertices_part=thin, faces=faces, T_world_part=T)
+        back = T @ se3.make(translation=np.array([0.0, 0.03, 0.0]))
+        steps = (
+            Step(part="bar", fixed=(), motion=Motion(T_world_part=turn[None], segments=()), contact=None),
+            Step(
+                part="pin",
+                fixed=("bar",),
+                motion=Motion(T_world_part=np.array([back, T]), segments=(Segment(kind="insertion", start=0, stop=1),)),
+                contact=None,
+            ),
+        )
+        made = replace(plan, parts={"bar": turn, "pin": T}, order=("bar", "pin"), steps=steps, unsolved=())
+        out = explode(made, Assembly(parts=(bar, pin)), replace(ViewConfig(), explode_gap=0.0)).offset("pin")
+        travel.append(float(np.linalg.norm(out)))
+    assert travel[1] == pytest.approx(travel[0])
+    assert travel[0] == pytest.approx(0.01), "its own length"
+
+
 def test_a_subassembly_is_drawn_apart_in_itself_too() -> None:
     plan, assembly = paired_blocks()
     found = explode(plan, assembly, ViewConfig())

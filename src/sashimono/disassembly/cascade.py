@@ -66,6 +66,8 @@ class Cascade:
             parts,
             ContactNormals(parts, gap=config.proof_gap),
             TranslationSearch(parts, config=config.translation),
+            touching=self._touching,
+            leaning=config.leaning,
             escape_samples=config.escape_samples,
             proof_margin=config.proof_margin,
         )

@@ -11,6 +11,7 @@ from sashimono.disassembly.shared_bodies import SharedConfig
 from sashimono.disassembly.threads.declared import DeclareConfig
 from sashimono.disassembly.threads.surface import UnscrewConfig
 from sashimono.disassembly.tilting.search import TiltConfig
+from sashimono.disassembly.translation.leaning import LeaningConfig
 from sashimono.disassembly.translation.search import TranslationConfig
 
 
@@ -21,6 +22,7 @@ class SeparateConfig:
     parts: PlacedPartsConfig = field(default_factory=PlacedPartsConfig)
     blocking: BlockingConfig = field(default_factory=BlockingConfig)
     translation: TranslationConfig = field(default_factory=TranslationConfig)
+    leaning: LeaningConfig = field(default_factory=LeaningConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
     tilting: bool = False

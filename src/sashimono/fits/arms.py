@@ -117,15 +117,18 @@ def _walk(
     config: FitConfig,
 ) -> tuple[str, float, float]:
     """How a walk within the part ends ("root", "free", or "far"), after what length, and the thickness on its way."""
-    at, seen = back - 0.25 * thickest * push, [thickest]
+    lanes, seen = [back - 0.25 * thickest * push], [thickest]
     for k in range(1, _STEPS + 1):
-        at = at + step * along
-        if not body.signed_distance.contains(at):
+        # beside a lip that is as thick as the arm, the middle of both is at the arm's face
+        ahead = [lane + step * along for lane in lanes]
+        at = next((place for place in ahead if body.signed_distance.contains(place)), None)
+        if at is None:
             return "free", k * step, float(np.median(seen))
         front, rest, room = _across(body, at, push)
         across = front + rest
         if across > config.arm_thickens * min(seen) or room < 0.5 * depth:
             return "root", k * step, float(np.median(seen[1:] or seen))
         seen.append(across)
-        at = at + 0.5 * (rest - front) * push
+        rim = 0.25 * min(seen)
+        lanes = [at + shift * push for shift in (0.5 * (rest - front), rest - rim, rim - front)]
     return "far", _STEPS * step, float(np.median(seen))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +12,7 @@ from manifold3d import Manifold
 from sashimono.assembly import Overlap, Part, StandIn, size_words
 from sashimono.errors import InputError
 from sashimono.geometry.mesh.solid import to_manifold
-from sashimono.io.mending.folds import count_folded
+from sashimono.io.mending.folds import count_folded, without_flat_folds
 from sashimono.io.mending.mend import Surface, close_surface
 from sashimono.io.mending.stand_in import ClosedBody, stand_in
 from sashimono.io.raw import METRES, RawPart, ReadConfig
@@ -78,6 +78,8 @@ def close_parts(raw: Sequence[RawPart], *, repair: bool, config: ReadConfig) -> 
         result = done.get(part.shape) if part.shape is not None else None
         if result is None:
             result = close_surface(part.vertices, part.faces, repair=repair, config=config)
+            if repair and isinstance(result, Surface):
+                result = _unfolded(result, config)
             if part.shape is not None:
                 done[part.shape] = result
         if isinstance(result, str) and config.stand_ins:
@@ -100,6 +102,17 @@ def close_parts(raw: Sequence[RawPart], *, repair: bool, config: ReadConfig) -> 
     return ClosedParts(
         parts=tuple(parts), mended=mended, folded=folds, broken=tuple(broken), stand_ins=tuple(stand_ins)
     )
+
+
+def _unfolded(surface: Surface, config: ReadConfig) -> Surface:
+    """The surface with what is folded in flat faces drawn anew."""
+    faces = without_flat_folds(surface.vertices, surface.faces, config=config)
+    if faces is surface.faces:
+        return surface
+    note = "flat faces whose triangles lay on one another drawn anew"
+    used, inverse = np.unique(faces.reshape(-1), return_inverse=True)
+    vertices = surface.vertices[used]
+    return replace(surface, vertices=vertices, faces=inverse.reshape(-1, 3), mended=(*surface.mended, note))
 
 
 def _refusal(broken: list[tuple[RawPart, str]], source: str, repair: bool) -> str:

@@ -311,7 +311,7 @@ def evaluate_command(
                 assert isinstance(model, Picker)
                 methods = playing_rows(name, model, bench, config.batch, place.device)
                 for title in methods:
-                    policies.setdefault(re.sub(r"-\d+(?=$|-axes$|-retries$)", "", title), []).append(title)
+                    policies.setdefault(_without_seed(title), []).append(title)
                 judge(methods)
             else:
                 options = {"batch": config.batch, "precision": config.precision}
@@ -332,7 +332,9 @@ def _report(out: Path, like: Evaluation, say: Say) -> None:
     from sashimono.learning.evaluate import read_evaluations
     from sashimono.learning.report import group_table, in_order, table_one
 
-    found = in_order(read_evaluations(out, like))
+    read = read_evaluations(out, like)
+    # a seed by itself only where there is no mean over seeds
+    found = in_order({name: each for name, each in read.items() if _without_seed(name) not in read.keys() - {name}})
     tables = [table_one(found), *(group_table(found, group) for group in ("by_split", "by_parts", "by_family"))]
     for text in tables:
         say(text)
@@ -342,6 +344,10 @@ def _report(out: Path, like: Evaluation, say: Say) -> None:
         from sashimono.learning.figures import draw_sensitivity
 
         draw_sensitivity(found, out / "sensitivity.svg")
+
+
+def _without_seed(name: str) -> str:
+    return re.sub(r"-\d+(?=$|-axes$|-retries$)", "", name)
 
 
 def _names(models: Sequence[Path]) -> dict[str, Path]:

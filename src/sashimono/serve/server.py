@@ -24,14 +24,15 @@ def run_server(folder: Path, limits: Limits, *, host: str, port: int, names: Seq
     require_starlette()
     import uvicorn
 
+    listening = _listen(host, port)  # first, so that nothing is written where there is no port
     try:
         store = JobStore(folder)
     except (OSError, sqlite3.Error) as error:
+        listening.close()
         raise SashimonoError(
             f"{folder}: cannot be used ({error}). Is another server on it? Name another --out."
         ) from error
     try:
-        listening = _listen(host, port)
         port = listening.getsockname()[1]
         hosts = ["*"] if host in _ANY and not names else ["localhost", "127.0.0.1", "[::1]", host, *names]
         web = make_web(store, limits, hosts=hosts)

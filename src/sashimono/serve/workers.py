@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from sashimono.errors import SashimonoError
 from sashimono.serve.jobs import Job, JobStore, State, verdict_of
 from sashimono.serve.limits import Limits
 from sashimono.serve.options import arguments
@@ -77,6 +78,8 @@ class Workers:
                 continue
             try:
                 state, message = self._run(job)
+            except SashimonoError as error:  # an archive that is refused
+                state, message = "failed", str(error)
             except Exception as error:  # a fault of ours is told with the job, and the server goes on
                 logger.exception("job %s", job.id)
                 state, message = "failed", f"{type(error).__name__}: {error}"

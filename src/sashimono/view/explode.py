@@ -52,8 +52,9 @@ class Explosion:
 def explode(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Explosion:
     """Return how the parts are drawn apart.
 
-    A part goes back along its insertion until it is clear of the boxes of all that is there before it, a gap between.
-    It starts from where the part that it sits on is drawn, so that a screw stays on the axis of its hole wherever the
+    A part goes back along its insertion until it is clear of the boxes of all that is there before it, a gap between;
+    the boxes have an edge along that way, as those of the world's axes are too large about a part that is turned. It
+    starts from where the part that it sits on is drawn, so that a screw stays on the axis of its hole wherever the
     plate is. What it sits on is what it meets with most of its forward faces, else with most of its surface.
     Subassemblies go as one, and are drawn apart in themselves too.
     """
@@ -62,7 +63,6 @@ def explode(plan: AssemblyPlan, assembly: Assembly, config: ViewConfig) -> Explo
     lower, upper = corners.min(axis=0), corners.max(axis=0)
     work = _Work(
         surfaces=_Surfaces(plan, assembly, boxes),
-        boxes=boxes,
         gap=config.explode_gap * float(np.linalg.norm(upper - lower)),
         center=0.5 * (lower + upper),
     )
@@ -83,7 +83,6 @@ class _Work:
     """What has been drawn apart so far."""
 
     surfaces: _Surfaces
-    boxes: Mapping[str, Float[np.ndarray, "2 3"]]
     gap: float
     center: Float[np.ndarray, "3"]
     pulls: dict[str, list[Pull]] = field(default_factory=dict)
@@ -101,24 +100,27 @@ class _Work:
                 self._draw_back(step, turn, placed)
             placed += [name for name in step.members if name not in placed]
 
-    def _drawn(self, name: str) -> Float[np.ndarray, "2 3"]:
-        return self.boxes[name] + sum((pull.vector for pull in self.pulls.get(name, ())), np.zeros(3))
+    def _drawn(self, name: str, R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "2 3"]:
+        return self.surfaces.bounds(name, R) + R @ sum((pull.vector for pull in self.pulls.get(name, ())), np.zeros(3))
 
     def _draw_back(self, step: Step, turn: int, placed: Sequence[str]) -> None:
-        box = _common([self._drawn(name) for name in step.members])
-        direction = _withdrawal(step, box.mean(axis=0) - self.center)
+        middle = _common([self._drawn(name, np.eye(3)) for name in step.members]).mean(axis=0)
+        direction = _withdrawal(step, middle - self.center)
+        R = _frame(direction)
+        box = _common([self._drawn(name, R) for name in step.members])
         seat = self.surfaces.seat(step.members, placed, direction)
         before = list(self.pulls.get(seat, ())) if seat is not None else []
         travel = 0.0
         if placed:
             # parts keep a gap along the way only, so that neighbours side by side stay level
-            along = self.gap * np.abs(direction)
-            others = np.array([self._drawn(name) for name in placed]) + np.array([-along, along])
-            start = box + sum((pull.vector for pull in before), np.zeros(3))
+            ahead = R @ direction
+            along = self.gap * np.abs(ahead)
+            others = np.array([self._drawn(name, R) for name in placed]) + np.array([-along, along])
+            start = box + R @ sum((pull.vector for pull in before), np.zeros(3))
             shrunk = start + np.array([[1.0], [-1.0]]) * 0.01 * (box[1] - box[0])
             # a part that slides off sideways is clear of all boxes at once: it moves by its own length all the same
-            length = float(np.abs(direction) @ (box[1] - box[0]))
-            travel = max(_clearing_travel(shrunk, direction, others), length + self.gap)
+            length = float(np.abs(ahead) @ (box[1] - box[0]))
+            travel = max(_clearing_travel(shrunk, ahead, others), length + self.gap)
         own = Pull(turn=turn, vector=travel * direction)
         for name in step.members:
             self.pulls[name] = [*before, own, *self.pulls.get(name, ())]
@@ -134,8 +136,17 @@ class _Surfaces:
         self._meshes = {
             part.name: (se3.apply(plan.parts[part.name], part.vertices_part), part.faces) for part in assembly.parts
         }
+        self._bounds: dict[tuple[str, bytes], np.ndarray] = {}
         self._distances: dict[str, SignedDistance] = {}
         self._samples: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+
+    def bounds(self, name: str, R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "2 3"]:
+        """Return the box about a part as it is assembled, its edges along the rows of ``R``."""
+        key = name, R.tobytes()
+        if key not in self._bounds:
+            points = self._meshes[name][0] @ R.T
+            self._bounds[key] = np.array([points.min(axis=0), points.max(axis=0)])
+        return self._bounds[key]
 
     def seat(self, names: Sequence[str], placed: Sequence[str], away: Float[np.ndarray, "3"]) -> str | None:
         """Return the placed part that these sit on, which leave in direction ``away``; None if they touch none."""
@@ -183,6 +194,19 @@ def _withdrawal(step: Step, away: Float[np.ndarray, "3"]) -> Float[np.ndarray, "
         if length > 1e-9:
             return direction / length
     raise AssertionError("the last direction has unit length")
+
+
+def _frame(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the rows of a frame with an edge along a direction; the world's, where the direction is one of its axes.
+
+    The axis of the world that is most across the direction decides the others.
+    """
+    if np.abs(direction).max() > 1.0 - 1e-9:
+        return np.eye(3)
+    across = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    across = across - (across @ direction) * direction
+    across /= np.linalg.norm(across)
+    return np.array([direction, across, np.cross(direction, across)])
 
 
 def _clearing_travel(

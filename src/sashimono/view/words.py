@@ -63,6 +63,8 @@ class Words:
     keep: str
     let_go: str
     hands: str
+    still_held: str
+    """Of parts that must be held when all is done."""
     turn_over: str
     turn_product: str
     """Of the product, so that the task is done on another table."""
@@ -81,6 +83,12 @@ class Words:
     not_executable: str
     together: str
     steps_of_plan: str
+    pictures: str
+    """Before what their colours mean."""
+    coming: str
+    ends: str
+    held: str
+    glass: str
     kinds: dict[str, str]
     drives: dict[str, str]
     decimal: str = "."
@@ -128,6 +136,7 @@ ENGLISH = Words(
     keep="Keep holding {parts}.",
     let_go="Let go of {parts}.",
     hands="Needs {count} hands at once.",
+    still_held="The drawing shows nothing that holds {parts}: fasten before you let go.",
     turn_over="Turn subassembly {letter} as shown before you bring it.",
     turn_product="Turn all that is put together over, so that it stands as shown.",
     hold_turned="Then hold {parts} so that nothing falls or tips.",
@@ -143,6 +152,11 @@ ENGLISH = Words(
     not_executable="Some steps need more than {hands} hands, or a grasp that the plan has not: see the warnings.",
     together="Subassembly {letter}",
     steps_of_plan="steps of the plan",
+    pictures="In the pictures",
+    coming="comes in this step",
+    ends="where it ends",
+    held="held by hand or in a fixture",
+    glass="in the way of the view, drawn as glass",
     kinds={
         "screw": "screw", "bolt": "bolt", "nut": "nut", "washer": "washer", "pin": "pin", "standoff": "standoff",
         "circlip": "circlip",
@@ -192,6 +206,7 @@ GERMAN = Words(
     keep="{parts} weiter festhalten.",
     let_go="{parts} loslassen.",
     hands="Braucht {count} Hände zugleich.",
+    still_held="Die Zeichnung zeigt nichts, was {parts} hält: vor dem Loslassen befestigen.",
     turn_over="Baugruppe {letter} vor dem Einsetzen wie gezeigt drehen.",
     turn_product="Alles Zusammengebaute umdrehen, sodass es wie gezeigt steht.",
     hold_turned="Dann {parts} halten, damit nichts fällt oder kippt.",
@@ -208,6 +223,11 @@ GERMAN = Words(
     "siehe Warnungen.",
     together="Baugruppe {letter}",
     steps_of_plan="Schritte des Plans",
+    pictures="In den Bildern",
+    coming="kommt in diesem Schritt",
+    ends="wo es endet",
+    held="von Hand oder in einer Vorrichtung gehalten",
+    glass="verdeckt die Sicht, als Glas gezeichnet",
     kinds={
         "screw": "Schraube", "bolt": "Bolzen", "nut": "Mutter", "washer": "Scheibe", "pin": "Stift",
         "standoff": "Abstandsbolzen", "circlip": "Sicherungsring",
@@ -259,6 +279,7 @@ JAPANESE = Words(
     keep="{parts}を支え続けます。",
     let_go="{parts}から手を離します。",
     hands="同時に{count}本の手が必要です。",
+    still_held="図面には{parts}を固定するものがありません。手を離す前に固定してください。",
     turn_over="サブアセンブリ{letter}を図の向きに回してから取り付けます。",
     turn_product="組み立てたものを裏返し、図のように置きます。",
     hold_turned="その後、落ちたり倒れたりしないように{parts}を押さえます。",
@@ -274,6 +295,11 @@ JAPANESE = Words(
     not_executable="{hands}本を超える手、または計画にない把持が必要な手順があります。警告を見てください。",
     together="サブアセンブリ{letter}",
     steps_of_plan="計画の手順",
+    pictures="図の色",
+    coming="この手順で取り付ける部品",
+    ends="取り付け位置",
+    held="手または治具で支える部品",
+    glass="視界をさえぎるため透明に描いた部品",
     kinds={
         "screw": "ねじ", "bolt": "ボルト", "nut": "ナット", "washer": "座金", "pin": "ピン",
         "standoff": "スペーサ", "circlip": "止め輪",

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.placed_parts import PlacedParts
@@ -43,6 +43,11 @@ class UnscrewConfig:
     offsets: int = 16
     """Where the ridges overlap, and phases do not tell where they would not: shifts along the axis, evenly from one
     ridge to the next, at which the screw may begin."""
+    farther: int = 2
+    """Where the other part stops the screw, it is asked again so many ridges farther where there is room: what enters
+    there may be another stretch of thread, with a phase of its own."""
+    farther_offsets: int = 32
+    """Shifts that are looked at there."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -216,6 +221,12 @@ def search_unscrew(
                         return Unscrewed(removal=found, traced=spent + drawn.traced + clear.traced + out.traced)
                     ends.append(found)
                 turns, stopper = max(ends, key=lambda end: end[0])
+                if stopper == other and helix is thread.screws[0]:
+                    for start in _later_starts(drawn, other, thread, helix, sign, turns, config):
+                        found = _follow(clear, out, helix, sign, start, config)
+                        if isinstance(found, Removal):
+                            return Unscrewed(removal=found, traced=spent + drawn.traced + clear.traced + out.traced)
+                        turns, stopper = max((turns, stopper), found, key=lambda end: end[0])
                 stopped.append(Stopped(other=other, pitch=helix.lead, turns=turns, at_end=stopper == other))
         spent += clear.traced + out.traced
     return Unscrewed(removal=None, traced=spent + drawn.traced, stopped=tuple(stopped))
@@ -235,33 +246,76 @@ def _starts(
     overlaps = parts.overlaps[paths.part, other] > parts.tolerances.turning * scale
     if not overlaps:
         yield [np.eye(4)]
-    T_other_world, body, spacing = se3.inverse(parts.poses[other]), parts.bodies[other], thread.spacing
-
-    def is_clear(shift: float) -> bool:
-        D = se3.make(None, sign * shift * helix.axis)
-        depth = mutual_depth(paths.body, body, T_other_world @ D @ paths.T_assembled)
-        return depth <= parts.tolerances.thread * scale
-
+    spacing = thread.spacing
     ahead = behind = float(np.mod(sign * thread.offset, spacing))
-    found = is_clear(ahead)
+    found = bool(_clear_shifts(paths, other, sign * helix.axis, np.array([ahead])).all())
     if not found and overlaps:
         shifts = np.arange(1, config.offsets) * (spacing / config.offsets)
-        clear = np.flatnonzero([is_clear(float(shift)) for shift in shifts])
-        runs = np.split(clear, np.flatnonzero(np.diff(clear) > 1) + 1)
-        found = len(clear) > 0
+        rooms = _rooms(_clear_shifts(paths, other, sign * helix.axis, shifts))
+        found = len(rooms) > 0
         if found:
-            ahead, behind = (float(shifts[run[len(run) // 2]]) for run in (runs[0], runs[-1]))
+            ahead, behind = (float(shifts[room]) for room in (rooms[0], rooms[-1]))
     if found:
-        shifted = [np.eye(4), se3.make(None, sign * ahead * helix.axis)]
-        angle = (spacing - behind) / abs(helix.pitch)
-        twist = helix.twist(sign)
-        twist[:3] -= (twist[:3] @ helix.axis) * helix.axis
-        turned = [se3.exp(k * angle / 3.0 * twist) for k in range(4)]
-        for start in (shifted, turned) if 2.0 * ahead < spacing else (turned, shifted):
-            if paths.check(np.array(start)) and paths.parts_once(np.array(start)):
-                yield start
+        yield from _shifted(paths, thread, helix, sign, ahead, behind)
     if overlaps:
         yield [np.eye(4)]
+
+
+def _later_starts(
+    paths: Paths, other: int, thread: Thread, helix: Helix, sign: float, turns: float, config: UnscrewConfig
+) -> Iterator[list[Float[np.ndarray, "4 4"]]]:
+    """Displacements from which the screw may begin for what enters the other part's thread after so many turns.
+
+    A screw may have two threads, one after the other, or be drawn where none of its thread is engaged. Where it is
+    stopped, the phase that matters is that of the stretch that enters there.
+    """
+    spacing, count = thread.spacing, config.farther_offsets
+    farther = spacing * (np.ceil(turns * helix.starts) + config.farther)
+    shifts = np.arange(count) * (spacing / count)
+    clear = _clear_shifts(paths, other, sign * helix.axis, farther + shifts)
+    if clear.all() or not clear.any():
+        return
+    # a room that goes on past the last shift is one with what begins at none
+    first = int(np.argmin(clear))
+    for room in _rooms(np.roll(clear, -first)):
+        shift = float(shifts[(room + first) % count])
+        yield from _shifted(paths, thread, helix, sign, shift, shift)
+
+
+def _clear_shifts(
+    paths: Paths, other: int, direction: Float[np.ndarray, "3"], shifts: Float[np.ndarray, "shift"]
+) -> Bool[np.ndarray, "shift"]:
+    """Whether a part, shifted so far from the assembled pose, is clear of the other's ridges."""
+    parts = paths.parts
+    body, T_other_world = parts.bodies[other], se3.inverse(parts.poses[other])
+    limit = parts.tolerances.thread * parts.scale(paths.part, other)
+    poses = [T_other_world @ se3.make(None, shift * direction) @ paths.T_assembled for shift in shifts]
+    return np.array([mutual_depth(paths.body, body, pose) <= limit for pose in poses])
+
+
+def _rooms(clear: Bool[np.ndarray, "shift"]) -> list[int]:
+    """The middle of each run of shifts that are clear."""
+    where = np.flatnonzero(clear)
+    runs = np.split(where, np.flatnonzero(np.diff(where) > 1) + 1)
+    return [int(run[len(run) // 2]) for run in runs if len(run)]
+
+
+def _shifted(
+    paths: Paths, thread: Thread, helix: Helix, sign: float, ahead: float, behind: float
+) -> Iterator[list[Float[np.ndarray, "4 4"]]]:
+    """The ways from the assembled pose to where the screw begins that nothing stops: a shift ahead, or a turn in place.
+
+    The turn is what a shift by ``behind``, less the spacing, would be; the shorter way is first.
+    """
+    spacing = thread.spacing
+    shifted = [np.eye(4), se3.make(None, sign * ahead * helix.axis)]
+    angle = (spacing - behind) / abs(helix.pitch)
+    twist = helix.twist(sign)
+    twist[:3] -= (twist[:3] @ helix.axis) * helix.axis
+    turned = [se3.exp(k * angle / 3.0 * twist) for k in range(4)]
+    for start in (shifted, turned) if 2.0 * ahead < spacing else (turned, shifted):
+        if paths.check(np.array(start)) and paths.parts_once(np.array(start)):
+            yield start
 
 
 def _follow(

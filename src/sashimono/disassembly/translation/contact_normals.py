@@ -79,12 +79,13 @@ class ContactNormals:
 
 
 def escape_directions(
-    margins: Mapping[int, Float[np.ndarray, "sample"]], *, samples: int, most: int = 6
+    margins: Mapping[int, Float[np.ndarray, "sample"]], *, samples: int, most: int = 6, least: float = -0.02
 ) -> tuple[Float[np.ndarray, "direction 3"], float]:
     """Return the directions that move away from the contacts most clearly, and the best one's margin.
 
     The margin of a direction is its smallest ``g · d``: positive moves away from every contact, zero
-    slides along one, negative runs into one. They are given by the part behind the contacts.
+    slides along one, negative runs into one. They are given by the part behind the contacts. None is returned with
+    less than the ``least`` margin.
     """
     directions = sphere_directions(samples)
     if not margins:
@@ -93,7 +94,7 @@ def escape_directions(
     best = float(worst.max())
     chosen: list[np.ndarray] = []
     for k in np.argsort(-worst, kind="stable"):
-        if worst[k] < -0.02 or len(chosen) == most:
+        if worst[k] < least or len(chosen) == most:
             break
         if all(directions[k] @ other < np.cos(np.radians(15.0)) for other in chosen):
             chosen.append(directions[k])

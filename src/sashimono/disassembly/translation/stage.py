@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Float
 
 from sashimono.disassembly.free_travel import free_travel
 from sashimono.disassembly.masks import bits
@@ -13,6 +14,7 @@ from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import Separation
 from sashimono.disassembly.translation.contact_normals import ContactNormals, escape_directions, immobile_margin
+from sashimono.disassembly.translation.leaning import LeaningConfig, leaning_direction
 from sashimono.disassembly.translation.search import TranslationResult, TranslationSearch
 from sashimono.plan import Answer, MotionClass
 
@@ -29,19 +31,24 @@ class TranslationStage:
         contacts: ContactNormals,
         search: TranslationSearch,
         *,
+        touching: ContactNormals,
+        leaning: LeaningConfig,
         escape_samples: int,
         proof_margin: float,
     ) -> None:
-        """Take in the parts, the contacts that may hold a part, the search, and two options of the contacts.
+        """Take in the parts, the contacts that may hold a part, the search, and its options.
 
         Args:
             parts: The placed parts.
             contacts: Which parts touch, as a proof needs it.
             search: Of several translations in a row.
+            touching: What touches, by a wider gap: it tells where a way out may lead.
+            leaning: How directions are improved where all else fails.
             escape_samples: As in `SeparateConfig`.
             proof_margin: As in `SeparateConfig`.
         """
         self.parts, self.contacts, self.search = parts, contacts, search
+        self.touching, self.leaning = touching, leaning
         self.escape_samples, self.proof_margin = escape_samples, proof_margin
 
     def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
@@ -61,7 +68,20 @@ class TranslationStage:
         found = self.search.search(part, bits(others))
         if found.removal is not None:
             return self._free(part, remaining, found.removal, stage=self.name)
+        if not found.proven:
+            direction = self._leaning(part, bits(others))
+            if direction is not None:
+                removal = self.parts.straight_removal(1 << part, others, direction)
+                return self._free(part, remaining, removal, stage=self.name)
         return self._blocked(found, stage=self.name)
+
+    def _leaning(self, part: int, others: list[int]) -> Float[np.ndarray, "3"] | None:
+        """A straight way out near to a line of the part, or to where its contacts let it go most."""
+        margins = self.touching.of(part, sum(1 << other for other in others), samples=self.escape_samples)
+        lines = self.parts.part_lines[part]
+        clear = escape_directions(margins, samples=self.escape_samples, least=-1.0)[0]
+        given = np.concatenate([clear, lines, -lines])
+        return leaning_direction(self.parts, part, others, given, config=self.leaning)
 
     def fewer_holders(self, part: int, holders: int, *, frees: Callable[[int], bool]) -> int:
         """Return a smaller set of parts that provably hold a part, out of one that does; the same if none is proven.

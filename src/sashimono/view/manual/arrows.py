@@ -43,7 +43,23 @@ def straight_arrow(ends: Float[np.ndarray, "2 2"], own: Bool[np.ndarray, "row co
     length = float(np.linalg.norm(b - a))
     if length < 1e-6:
         return _mark("arrow", np.array([a - [0.0, 60.0], a - [0.0, 20.0]]))
+    start = _left_behind(ends, own)
+    if has_room(ends, own):
+        return _mark("arrow", np.array([start, b]))
     ahead = (b - a) / length
+    return _mark("arrow", _beside(own, ahead, max(_LEAST + 20.0, length)))
+
+
+def has_room(ends: Float[np.ndarray, "2 2"], own: Bool[np.ndarray, "row column"]) -> bool:
+    """Return whether an arrow fits between what comes (``own``) and its mouth."""
+    a, b = ends
+    return float((b - _left_behind(ends, own)) @ (b - a)) >= _LEAST * float(np.linalg.norm(b - a)) > 0.0
+
+
+def _left_behind(ends: Float[np.ndarray, "2 2"], own: Bool[np.ndarray, "row column"]) -> Float[np.ndarray, "2"]:
+    """Where a way comes out from behind what comes, five pixels on."""
+    a, b = ends
+    ahead = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
     rows, columns = own.shape
     at = a + np.linspace(0.0, 1.0, 60)[:, None] * (b - a)
     place = np.round(at).astype(int)
@@ -51,10 +67,7 @@ def straight_arrow(ends: Float[np.ndarray, "2 2"], own: Bool[np.ndarray, "row co
     covered = np.zeros(len(at), dtype=bool)
     covered[inside] = own[place[inside, 1], place[inside, 0]]
     first = int(np.flatnonzero(covered).max()) + 1 if covered.any() else 0
-    start = a + min(1.0, first / 59.0) * (b - a) + 5.0 * ahead
-    if float((b - start) @ ahead) >= _LEAST:
-        return _mark("arrow", np.array([start, b]))
-    return _mark("arrow", _beside(own, ahead, max(_LEAST + 20.0, length)))
+    return a + min(1.0, first / 59.0) * (b - a) + 5.0 * ahead
 
 
 def _beside(

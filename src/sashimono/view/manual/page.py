@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from sashimono.assembly import Assembly
 from sashimono.files import atomic_write
 from sashimono.plan import AssemblyPlan
 from sashimono.view.config import ViewConfig
-from sashimono.view.explode import explosion_offsets
+from sashimono.view.explode import explode
 from sashimono.view.manual.arrows import Mark
 from sashimono.view.manual.content import BillRow, Chapter, Manual, Task, make_manual
 from sashimono.view.manual.pictures import OVERVIEW, Illustration, Illustrator, PictureConfig
@@ -86,8 +87,8 @@ def _escape(text: str) -> str:
 
 
 def _breakable(text: str) -> str:
-    """Text in which a line may break after an underscore."""
-    return _escape(text).replace("_", "_<wbr>")
+    """Text in which a line may break after an underscore, but not before a running number."""
+    return re.sub(r"_(?!\d+\b)", "_<wbr>", _escape(text))
 
 
 def _sentence(text: str, words: Words) -> str:
@@ -103,6 +104,8 @@ class _Page:
         self._draw = Illustrator(plan, assembly, config)
         self._up = self._manual.chapters[-1].up
         self._thumbnails: dict[str, str] = {}
+        self._labels_of = {name: row.label for row in self._manual.bill for name in row.names}
+        self._glass = False
         self._progress = progress
 
     def text(self) -> str:
@@ -130,19 +133,11 @@ class _Page:
 
     def _cover(self) -> str:
         manual, words = self._manual, self._words
-        offsets = explosion_offsets(self._plan, self._assembly, ViewConfig())
-        picture = self._draw.cover(manual.bill, self._up, offsets)
-        tools = list(
-            dict.fromkeys(
-                text
-                for task in manual.tasks
-                for step in task.steps
-                if (fastener := manual.fastener(step.part)) is not None
-                and (text := tool_words(fastener, words)) is not None
-            )
-        )
+        apart = explode(self._plan, self._assembly, ViewConfig())
+        picture = self._draw.cover(manual.bill, self._up, apart)
+        tools = [*dict.fromkeys(tool for task in manual.tasks if (tool := self._tool(task)) is not None)]
         # on A4 the picture leaves room for a short bill; a long one goes on on the next page
-        height = max(100.0, 214.0 - 9.0 * len(manual.bill)) if len(manual.bill) <= 12 else 165.0
+        height = max(100.0, 204.0 - 9.0 * len(manual.bill)) if len(manual.bill) <= 12 else 165.0
         notes = ""
         if manual.unsolved:
             notes = f'<p class="warning">{_escape(words.partial.format(count=len(manual.unsolved)))}</p>'
@@ -153,15 +148,27 @@ class _Page:
             f'<section class="cover" style="--picture: {height}mm">\n<header>'
             f'<p class="kicker">{_escape(words.manual)}</p>'
             f"<h1>{_escape(manual.title)}</h1></header>\n{_figure(picture, (), manual.title)}\n"
-            f"<h2>{_escape(words.parts)}</h2>\n{self._bill()}\n{tool_text}{notes}</section>\n"
+            f"<h2>{_escape(words.parts)}</h2>\n{self._bill()}\n{tool_text}{notes}{self._legend()}</section>\n"
         )
+
+    def _legend(self) -> str:
+        """What the colours of the pictures mean, as far as they occur; made after the pictures."""
+        words = self._words
+        said = [("coming", words.coming), ("ends", words.ends)]
+        if any(task.held or task.clamped for task in self._manual.tasks):
+            said.append(("held", words.held))
+        if self._glass:
+            said.append(("glass", words.glass))
+        keys = "".join(f'<span><i class="{key}"></i>{_escape(text)}</span> ' for key, text in said)
+        return f'<p class="legend">{_escape(words.pictures)}: {keys}</p>'
 
     def _bill(self) -> str:
         words = self._words
         head = (words.number, "", words.part, words.quantity, words.size, words.kind)
         rows = "".join(
             f'<tr><td class="number">{row.number}</td><td>{self._thumbnail(row.names[:1])}</td>'
-            f"<td>{_breakable(row.label)}</td><td>{len(row.names)}</td><td>{_escape(size_words(row.size, words))}</td>"
+            f'<td class="name">{_breakable(row.label)}</td><td>{len(row.names)}</td>'
+            f"<td>{_escape(size_words(row.size, words))}</td>"
             f"<td>{_escape(self._kind(row))}</td></tr>\n"
             for row in self._manual.bill
         )
@@ -192,6 +199,7 @@ class _Page:
     def _task(self, task: Task, chapter: Chapter) -> str:
         words = self._words
         picture = self._draw.task(task)
+        self._glass = self._glass or picture.glass
         name = self._name(task)
         label = way_lines(task.step.insertion, task.up, words, arrow=True)
         lines = [f'<p class="do">{_breakable(line)}</p>' for line in self._say(task, chapter, name)]
@@ -255,17 +263,34 @@ class _Page:
         into = dict.fromkeys(name for fastener in shanks for name in fastener.into)
         on = dict.fromkeys(name for fastener in rings for name in fastener.into)
         said = [
-            template.format(parts=names_words(list(names), words))
+            template.format(parts=names_words(self._counted(names), words))
             for template, names in ((words.through, through), (words.into, into), (words.on, on))
             if names
         ]
         return "".join(words.comma + each for each in said)
 
+    def _counted(self, names: Iterable[str]) -> list[str]:
+        """Names, three and more parts of one shape as one: "6 × bolt"."""
+        alike: dict[str, list[str]] = {}
+        for name in names:
+            alike.setdefault(self._labels_of.get(name, name), []).append(name)
+        return [
+            text
+            for label, group in alike.items()
+            for text in (group if len(group) < 3 else [self._words.times.format(count=len(group), part=label)])
+        ]
+
+    def _tool(self, task: Task) -> str | None:
+        """What tightens the fasteners of a task; None if nothing does."""
+        fastener = None if task.brings else self._manual.fastener(task.step.part)
+        if fastener is None or fastener.kind not in ("screw", "bolt", "nut"):
+            return None
+        return tool_words(fastener, self._words)
+
     def _tools(self, task: Task) -> list[str]:
         words, said = self._words, []
-        fastener = None if task.brings else self._manual.fastener(task.step.part)
-        tool = None if fastener is None else tool_words(fastener, words)
-        if fastener is not None and fastener.kind in ("screw", "bolt", "nut") and tool is not None:
+        tool = self._tool(task)
+        if tool is not None:
             turned = abs(task.step.turns) >= 0.2
             said.append(f"{words.tool}: {tool}" if turned else f"{words.tighten}: {tool}")
         grippers = [name for name, reason in task.step.grippers.items() if reason is None]
@@ -283,6 +308,8 @@ class _Page:
             said.append(words.hold.format(parts=names_words(new, words)))
         if task.hands is not None and task.hands > self._manual.hands:
             said.append(words.hands.format(count=task.hands))
+        if task.held and task is self._manual.tasks[-1] and not self._manual.unsolved:
+            said.append(words.still_held.format(parts=names_words(task.held, words)))
         return said
 
     def _warnings(self, task: Task) -> list[str]:
@@ -327,6 +354,7 @@ def _figure(picture: Illustration, lines: Sequence[str], name: str) -> str:
     """The picture with its marks, as inline SVG; the first arrow gets the lines of words."""
     shapes = []
     words_left = list(lines)
+    arrows = [np.array(mark.points) for mark in picture.marks if mark.kind in ("arrow", "turn")]
     taken: list[tuple[float, float, float, float]] = []
     if picture.overview is not None:
         shapes.append(_overview(picture))
@@ -335,7 +363,7 @@ def _figure(picture: Illustration, lines: Sequence[str], name: str) -> str:
     for mark in picture.marks:
         shapes.append(_SHAPES[mark.kind](mark))
         if mark.kind == "arrow" and words_left:
-            shapes.append(_label(words_left, mark, picture, taken))
+            shapes.append(_label(words_left, mark, arrows, picture, taken))
             words_left = []
     return (
         f'<svg class="picture" viewBox="0 0 {picture.width} {picture.height}" role="img" aria-label="{_escape(name)}">'
@@ -399,7 +427,11 @@ _SHAPES = {"arrow": _arrow, "turn": _arrow, "trail": _trail, "way on": _trail, "
 
 
 def _label(
-    lines: Sequence[str], mark: Mark, picture: Illustration, taken: list[tuple[float, float, float, float]]
+    lines: Sequence[str],
+    mark: Mark,
+    arrows: Sequence[np.ndarray],
+    picture: Illustration,
+    taken: list[tuple[float, float, float, float]],
 ) -> str:
     """The words of an arrow, a line a leg, near it, where least is drawn."""
     size = 26.0
@@ -415,7 +447,7 @@ def _label(
                 x, y = middle - 0.5 * np.array([wide, high])
                 x = float(np.clip(x, 4.0, max(4.0, picture.width - wide - 4.0)))
                 y = float(np.clip(y, 4.0, picture.height - high - 4.0))
-                cost = _crowd(x, y, wide, high, line, picture, taken) + reach / 200.0
+                cost = _crowd(x, y, wide, high, arrows, picture, taken) + reach / 200.0
                 if cost < least:
                     best, least = (x, y), cost
     x, y = best
@@ -430,20 +462,18 @@ def _crowd(
     y: float,
     wide: float,
     high: float,
-    line: np.ndarray,
+    arrows: Sequence[np.ndarray],
     picture: Illustration,
     taken: Sequence[tuple[float, float, float, float]],
 ) -> float:
-    """How much lies below words in this box: what is drawn, the arrow itself, the overview."""
+    """How much lies below words in this box: what is drawn, the arrows, the overview."""
     cells = picture.busy[int(y // 8) : int((y + high) // 8) + 1, int(x // 8) : int((x + wide) // 8) + 1]
     cost = float(cells.mean()) if cells.size else 1.0
-    ahead = (line[-1] - line[-2]) / max(float(np.linalg.norm(line[-1] - line[-2])), 1e-9)
-    along = np.linspace(line[0], line[-1] + 60.0 * ahead, 20)
-    cost += 2.0 * float(
-        (
-            (along[:, 0] > x - 8) & (along[:, 0] < x + wide + 8) & (along[:, 1] > y - 8) & (along[:, 1] < y + high + 8)
-        ).mean()
-    )
+    for line in arrows:
+        ahead = (line[-1] - line[-2]) / max(float(np.linalg.norm(line[-1] - line[-2])), 1e-9)
+        along = np.linspace(line[0], line[-1] + 60.0 * ahead, 20)
+        inside = (along > [x - 8, y - 8]) & (along < [x + wide + 8, y + high + 8])
+        cost += 2.0 * float(inside.all(axis=1).mean())
     for left, top, w, h in taken:
         if x < left + w and x + wide > left and y < top + h and y + high > top:
             cost += 3.0

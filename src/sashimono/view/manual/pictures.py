@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from sashimono.assembly import Assembly, Part
@@ -17,7 +17,8 @@ from sashimono.raster.png import png_bytes
 from sashimono.raster.zbuffer import Layer
 from sashimono.view.appearance import linear_rgb, part_colors
 from sashimono.view.display_mesh import cluster_vertices
-from sashimono.view.manual.arrows import Mark, path_arrow, straight_arrow, trail, turn_arrow
+from sashimono.view.explode import Explosion
+from sashimono.view.manual.arrows import Mark, has_room, path_arrow, straight_arrow, trail, turn_arrow
 from sashimono.view.manual.camera import Stand, Subject, choose_glass, choose_stand
 from sashimono.view.manual.content import BillRow, Task
 from sashimono.view.manual.drawing import Solid, View, draw_picture, fit_view, layer_of, look_from
@@ -28,6 +29,10 @@ PLACED = "#d3d8de"
 """What stands, before its own colour is mixed in."""
 HELD = "#7fa8e6"
 """What must be held."""
+_STRETCHES = (1.7, 2.6)
+"""Where no arrow fits between what comes and its mouth, it is drawn so many times farther from there."""
+_SMALLER = 0.7
+"""Unless that makes the picture smaller than this."""
 _BALLOON_COLUMN = 120
 """Left free on either side of the exploded picture [pixels]."""
 OVERVIEW = (230, 170)
@@ -68,7 +73,9 @@ class Illustration:
     overview_corner: tuple[int, int] = (0, 0)
     """Left and top of the overview in the picture [pixels]."""
     busy: Float[np.ndarray, "row column"] = field(default_factory=lambda: np.zeros((1, 1)))
-    """Where something is drawn, from 0 to 1, a value each 8 pixels: words keep off it."""
+    """How much is drawn, a value each 8 pixels: 1 for what stands, more for what comes and where it ends."""
+    glass: bool = False
+    """Whether something is drawn as glass."""
 
 
 class Illustrator:
@@ -87,19 +94,12 @@ class Illustrator:
         fixed = tuple(self._placed(name, name in held) for name in task.placed)
         orange = np.array(linear_rgb(MOVING))
         target = tuple(self._solid(name, np.eye(4), orange) for name in task.members)
-        shown = [self._shown(step, fixed) for step in task.steps]
-        moving = tuple(
-            self._solid(name, shift, orange)
-            for step, (shift, _) in zip(task.steps, shown, strict=True)
-            for name in step.members
-        )
-        ways = [way for _, way in shown]
-        sampled = [_sampled(way.points) for way in ways if way is not None]
+        back = self._drawn_back(task, fixed, 1.0)
         subject = Subject(
             fixed=tuple(self._coarse(solid) for solid in fixed),
-            moving=tuple(self._coarse(solid) for solid in moving),
+            moving=tuple(self._coarse(solid) for solid in back.solids),
             target=tuple(self._coarse(solid) for solid in target),
-            way=np.concatenate(sampled) if sampled else np.zeros((0, 3)),
+            way=np.concatenate(back.sampled) if back.sampled else np.zeros((0, 3)),
             direction=task.step.direction,
         )
         stand = choose_stand(subject, task.up, None if task.turns_product else self._last)
@@ -107,11 +107,16 @@ class Illustrator:
         R = look_from(task.up, stand.azimuth, stand.elevation)
         glass = choose_glass(subject, R) if fixed else frozenset()
         fixed = tuple(_glassy(solid) if k in glass else solid for k, solid in enumerate(fixed))
-        solids = [*fixed, *moving]
-        everything = np.concatenate([solid.points for solid in solids])
-        focus = np.concatenate([solid.points for solid in (*moving, *target)] + sampled)
-        view, whole = self._views(everything, focus, R)
-        marks = self._marks(ways, view, layer_of(solids, view, shaded=False), len(fixed), task.up)
+        first = shot = self._shot(fixed, target, back, R)
+        for stretch in _STRETCHES:
+            if shot.arrows_fit:
+                break
+            shot = self._shot(fixed, target, self._drawn_back(task, fixed, stretch), R)
+        if not shot.arrows_fit or shot.view.scale < _SMALLER * first.view.scale:
+            shot = first
+        view, whole = shot.view, shot.whole
+        solids = [*fixed, *shot.back.solids]
+        marks = self._marks(shot)
         overview, frame = None, (0.0, 0.0, 0.0, 0.0)
         if whole is not None:
             overview = png_bytes(draw_picture(solids, whole, times=config.supersample))
@@ -120,9 +125,10 @@ class Illustrator:
             middle = (view.middle - whole.middle) * whole.scale * [1.0, -1.0] + 0.5 * np.array(OVERVIEW)
             left, top, wide, high = (float(x) for x in (*(middle - half), *(2.0 * half)))
             frame = (left, top, wide, high)
-        ends = target if any(way is not None for way in ways) else ()
+        ends = target if any(way is not None for way in shot.back.ways) else ()
         pixels = draw_picture(solids, view, outlined=ends, times=config.supersample)
-        busy = _busy(pixels)
+        goal = layer_of(target, view, shaded=False).covered
+        busy = _busy(pixels, [np.asarray(shot.own.any(axis=0)), goal])
         return Illustration(
             png=png_bytes(pixels),
             width=config.width,
@@ -132,7 +138,31 @@ class Illustrator:
             overview_frame=frame,
             overview_corner=_free_corner(busy, OVERVIEW, config),
             busy=busy,
+            glass=bool(glass),
         )
+
+    def _drawn_back(self, task: Task, fixed: Sequence[Solid], stretch: float) -> _Back:
+        """What comes, drawn back along its way, ``stretch`` times as far from its mouth as usual."""
+        orange = np.array(linear_rgb(MOVING))
+        solids: list[Solid] = []
+        ways: list[Way | None] = []
+        owner: list[int] = []
+        for k, step in enumerate(task.steps):
+            shift, way = self._shown(step, fixed, stretch)
+            ways.append(way)
+            for name in step.members:
+                solids.append(self._solid(name, shift, orange))
+                owner.append(k)
+        return _Back(solids=tuple(solids), ways=tuple(ways), owner=tuple(owner))
+
+    def _shot(self, fixed: Sequence[Solid], target: Sequence[Solid], back: _Back, R: Float[np.ndarray, "3 3"]) -> _Shot:
+        everything = np.concatenate([solid.points for solid in (*fixed, *back.solids)])
+        focus = np.concatenate([solid.points for solid in (*back.solids, *target)] + back.sampled)
+        view, whole = self._views(everything, focus, R)
+        seen = layer_of([*fixed, *back.solids], view, shaded=False).part - len(fixed)
+        owner = np.array(back.owner)
+        own = np.array([np.isin(seen, np.flatnonzero(owner == k)) for k in range(len(back.ways))])
+        return _Shot(back=back, view=view, whole=whole, own=own)
 
     def thumbnail(self, names: Sequence[str], up: Float[np.ndarray, "3"]) -> bytes:
         """Return a small PNG of one part, or of parts together, in their own colours."""
@@ -142,10 +172,9 @@ class Illustrator:
         view = fit_view(points, look_from(up, -0.9, 0.5), size, size, 0.05)
         return png_bytes(draw_picture(solids, view, times=self._config.supersample))
 
-    def cover(
-        self, bill: Sequence[BillRow], up: Float[np.ndarray, "3"], offsets: Mapping[str, np.ndarray]
-    ) -> Illustration:
+    def cover(self, bill: Sequence[BillRow], up: Float[np.ndarray, "3"], apart: Explosion) -> Illustration:
         """Return the exploded picture, with a balloon for each line of the bill of materials."""
+        offsets = {name: apart.offset(name) for name in self._assembly.names}
         solids = [
             self._solid(part.name, se3.make(translation=offsets[part.name]), self._colors[part.name])
             for part in self._assembly.parts
@@ -166,18 +195,20 @@ class Illustrator:
                 anchors[row.number] = max(places, key=lambda place: place[2])[:2]
         half = 0.5 * right * view.scale
         columns = (0.5 * width - half - 80.0, 0.5 * width + half + 80.0)
-        marks = [*self._ways_apart(offsets, view), *_balloons(anchors, columns, height)]
+        marks = [*self._ways_apart(apart, view), *_balloons(anchors, columns, height)]
         pixels = draw_picture(solids, view, times=self._config.supersample)
         return Illustration(png=png_bytes(pixels), width=width, height=height, marks=tuple(marks))
 
-    def _ways_apart(self, offsets: Mapping[str, np.ndarray], view: View) -> list[Mark]:
-        """Thin lines along which the parts were drawn apart."""
+    def _ways_apart(self, apart: Explosion, view: View) -> list[Mark]:
+        """Thin lines along which the parts were drawn off what they sit on, wherever that is drawn."""
         marks = []
         for part in self._assembly.parts:
-            shift = offsets[part.name]
-            if np.linalg.norm(shift) > 1e-9:
+            seat = apart.seats.get(part.name)
+            start = np.zeros(3) if seat is None else apart.offset(seat)
+            end = apart.offset(part.name)
+            if np.linalg.norm(end - start) > 1e-9:
                 middle = part.bounds_world.mean(axis=0)
-                a, b = view.pixel(np.array([middle, middle + shift]))
+                a, b = view.pixel(np.array([middle + start, middle + end]))
                 marks.append(Mark(kind="trail", points=((float(a[0]), float(a[1])), (float(b[0]), float(b[1])))))
         return marks
 
@@ -211,7 +242,7 @@ class Illustrator:
             return self._solid(name, np.eye(4), np.array(linear_rgb(HELD)))
         return self._solid(name, np.eye(4), 0.72 * np.array(linear_rgb(PLACED)) + 0.28 * self._colors[name])
 
-    def _shown(self, step: Step, fixed: Sequence[Solid]) -> tuple[Float[np.ndarray, "4 4"], Way | None]:
+    def _shown(self, step: Step, fixed: Sequence[Solid], stretch: float) -> tuple[Float[np.ndarray, "4 4"], Way | None]:
         """Where a step's parts are drawn, as a displacement from the assembled pose, and the way from there."""
         legs = step.insertion
         if not legs:
@@ -220,7 +251,7 @@ class Illustrator:
         low, high = points.min(axis=0), points.max(axis=0)
         size = float(np.linalg.norm(high - low))
         whole = np.concatenate([points, *(solid.points for solid in fixed)])
-        gap = min(0.6 * size, 0.22 * float(np.linalg.norm(np.ptp(whole, axis=0))))
+        gap = stretch * min(0.6 * size, 0.22 * float(np.linalg.norm(np.ptp(whole, axis=0))))
         if len(legs) == 1 and legs[0].length > 1e-6:
             leg = legs[0]
             along = points @ leg.direction
@@ -260,14 +291,12 @@ class Illustrator:
         view = View(R=R, middle=middle, scale=scale, width=config.width, height=config.height)
         return view, fit_view(everything, R, *OVERVIEW, 0.04)
 
-    def _marks(
-        self, ways: Sequence[Way | None], view: View, seen: Layer, count_fixed: int, up: Float[np.ndarray, "3"]
-    ) -> tuple[Mark, ...]:
+    def _marks(self, shot: _Shot) -> tuple[Mark, ...]:
         marks: list[Mark] = []
-        for way in ways:
+        view = shot.view
+        for way, own in zip(shot.back.ways, shot.own, strict=True):
             if way is None:
                 continue
-            own = seen.part >= count_fixed
             if way.bent:
                 marks.append(path_arrow(view.pixel(way.points)))
             else:
@@ -295,6 +324,42 @@ class Way:
     """Of what comes, about its axis [m]."""
     end: Float[np.ndarray, "3"]
     """Where its front ends."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Back:
+    """What comes, drawn back along its way."""
+
+    solids: tuple[Solid, ...]
+    ways: tuple[Way | None, ...]
+    """Of each step."""
+    owner: tuple[int, ...]
+    """Of each solid: the place of its step."""
+
+    @property
+    def sampled(self) -> list[Float[np.ndarray, "point 3"]]:
+        """Points along each way."""
+        return [_sampled(way.points) for way in self.ways if way is not None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shot:
+    """A picture before it is drawn."""
+
+    back: _Back
+    view: View
+    whole: View | None
+    own: Bool[np.ndarray, "step row column"]
+    """Where each step's parts are seen."""
+
+    @property
+    def arrows_fit(self) -> bool:
+        """Whether each straight way has room for its arrow between what comes and the mouth."""
+        return all(
+            has_room(self.view.pixel(way.points), own)
+            for way, own in zip(self.back.ways, self.own, strict=True)
+            if way is not None and not way.bent
+        )
 
 
 def _turn(legs: Sequence[Leg]) -> Leg | None:
@@ -343,9 +408,11 @@ def _glassy(solid: Solid) -> Solid:
     return Solid(points=solid.points, faces=solid.faces, color=solid.color, glass=True)
 
 
-def _busy(pixels: np.ndarray, cell: int = 8) -> Float[np.ndarray, "row column"]:
-    """How much is drawn in each cell."""
-    drawn = (pixels.min(axis=2) < 250).astype(np.float64)
+def _busy(
+    pixels: np.ndarray, subject: Sequence[Bool[np.ndarray, "row column"]], cell: int = 8
+) -> Float[np.ndarray, "cellrow cellcolumn"]:
+    """How much is drawn in each cell; what the picture is about counts for more."""
+    drawn = (pixels.min(axis=2) < 250).astype(np.float64) + 1.5 * np.sum(subject, axis=0)
     rows, columns = (n // cell for n in drawn.shape)
     return drawn[: rows * cell, : columns * cell].reshape(rows, cell, columns, cell).mean(axis=(1, 3))
 
