@@ -142,3 +142,28 @@ def test_a_spent_budget_says_so() -> None:
     spent = holding(parts, 0.0, fixed=["post"], config=StabilityConfig(max_programs=0))
     assert not spent.fewest
     assert len(spent.held) == 1
+
+
+def chamfered_lid(*, upside_down: bool, ledge: bool) -> Assembly:
+    """A lid with a chamfer all around its lower face, in a frame that it fits. It ends where the lid does, or has a
+    ledge a little below: so bearings are drawn, with play in their seats."""
+    frame = box((0.08, 0.08, 0.02)) - box((0.0601, 0.0601, 0.03))
+    if ledge:
+        frame += box((0.08, 0.08, 0.0042), (0.0, 0.0, -0.0129)) - box((0.05, 0.05, 0.03))
+    low, high = (box((w, w, 1e-6), (0.0, 0.0, z)) for w, z in ((0.058, -0.0099995), (0.06, -0.0089)))
+    lid = Manifold.batch_hull([low, high, box((0.06, 0.06, 1e-6), (0.0, 0.0, 0.0))])
+    parts = assembly(frame=frame, lid=lid)
+    if upside_down:
+        parts = assembly(frame=frame.rotate((180.0, 0.0, 0.0)), lid=lid.rotate((180.0, 0.0, 0.0)))
+    return parts
+
+
+@pytest.mark.parametrize(("upside_down", "ledge"), [(False, False), (True, False), (False, True)])
+def test_a_chamfer_that_faces_a_wall_carries_nothing(upside_down: bool, ledge: bool) -> None:
+    """It faces the wall within the gap, leaning: by its normal the lid would lie on it."""
+    parts = chamfered_lid(upside_down=upside_down, ledge=ledge)
+    assert holding(parts, -1.0, fixed=["frame"]).held == ("lid",)
+    poses = {p.name: p.T_world_part for p in parts.parts}
+    bodies = {p.name: SampledBody(p.name, p.vertices_part, p.faces, samples=3000) for p in parts.parts}
+    seen = PlacedParts(bodies, poses, VerifyConfig())
+    assert seen.falling(parts.names, ("frame",), Table(normal=UP, offset=-1.0)) == ["lid"]

@@ -142,19 +142,25 @@ class Statics:
         found = {}
         for (i, first), (j, second) in combinations(enumerate(groups), 2):
             pairs = [(m, n) for m in range(len(first)) for n in range(len(second))]
-            touching = [self.touching.between(first[m], second[n]) for m, n in pairs]
+            touching = [self.touching.carrying(first[m], second[n], self.table.normal) for m, n in pairs]
             if any(len(touch.points) for touch in touching):
                 points = np.concatenate([touch.points for touch in touching])
                 normals = np.concatenate([touch.normals for touch in touching])
                 owners = np.repeat(np.array(pairs), [len(touch.points) for touch in touching], axis=0)
-                clamped = any(self._clamps(normals, owner) for owner in owners.T)
+                clamped = any(
+                    self._clamps(normals, owner, group) for owner, group in zip(owners.T, (first, second), strict=True)
+                )
                 found[i, j] = (Touch(points, normals), clamped)
         return found
 
-    def _clamps(self, normals: np.ndarray, owners: np.ndarray) -> bool:
-        """Whether two different parts of one group push against each other from both sides of the other group."""
+    def _clamps(self, normals: np.ndarray, owners: np.ndarray, group: tuple[str, ...]) -> bool:
+        """Whether two parts of a group, fastened to each other, push from both sides of what is between them.
+
+        Two walls of a frame do not: they are joined by a third part, and nothing draws them together.
+        """
         opposing = normals @ normals.T < -self.config.opposing
-        return bool((opposing & (owners[:, None] != owners[None, :])).any())
+        jaws = np.unique(np.stack([owners[each] for each in np.nonzero(opposing)], axis=1), axis=0)
+        return any(m != n and self.touching.fastened(group[m], group[n]) for m, n in jaws)
 
     def _component(
         self,

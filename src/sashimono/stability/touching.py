@@ -20,6 +20,12 @@ _INSET = 1e-3
 _MOST_CORNERS = 6000
 _STEADY = 0.95
 """Least cosine between gradients a gap apart that belong to one smooth stretch of surface."""
+_FLAT = 0.9
+"""Cosine between up and a normal from which on one part lies on the other."""
+_LET_DOWN = 4
+"""Ways by which a part is let down, to see what leans and carries it."""
+_STOPPED = 0.1
+"""How much deeper it must get, over the gap up to which the two count as touching."""
 
 
 class Touch(NamedTuple):
@@ -47,7 +53,9 @@ class Touching:
         self.poses = poses
         self.config = config
         self._fastened = {frozenset(pair): True for pair in fastened}
+        self._depths: dict[frozenset[str], float] = {}
         self._touches: dict[tuple[str, str], Touch] = {}
+        self._carrying: dict[tuple[str, str, bytes], Touch] = {}
         corners = {name: _box_corners(body) for name, body in bodies.items()}
         self._boxes = {
             name: np.array([seen.min(axis=0), seen.max(axis=0)])
@@ -70,15 +78,63 @@ class Touching:
             self._touches[high, low] = Touch(touch.points, -touch.normals)
         return self._touches[first, second]
 
+    def carrying(self, first: str, second: str, up: Float[np.ndarray, "3"]) -> Touch:
+        """Return the same, normals made level that lean but carry nothing, for gravity along ``-up``.
+
+        A chamfer that faces a wall just above the wall's end seems to lie on it, and would slip past it. So where
+        nothing lies flat on the other, the upper part is let down: to carry it, the two must get deeper into one
+        another.
+        """
+        key = (first, second, up.tobytes())
+        if key not in self._carrying:
+            touch = self.between(first, second)
+            lean, normals = touch.normals @ up, touch.normals
+            for upper, lower, side in ((first, second, lean), (second, first, -lean)):
+                leaning = (side > self.config.upright) & (side < _FLAT)
+                if (
+                    leaning.any()
+                    and not (side >= _FLAT).any()
+                    and not self._stops(upper, lower, up, float(side[leaning].min()))
+                ):
+                    level = normals - np.outer(lean, up)
+                    level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+                    normals = np.where(leaning[:, None], level, normals)
+            self._carrying[key] = Touch(touch.points, normals)
+            self._carrying[second, first, key[2]] = Touch(touch.points, -normals)
+        return self._carrying[key]
+
+    def _stops(self, upper: str, lower: str, up: Float[np.ndarray, "3"], lean: float) -> bool:
+        """Whether the upper part gets deeper into the lower one before all that leans as much would have met."""
+        a, b, gap = self.bodies[upper], self.bodies[lower], self._gap(upper, lower)
+        deeper = self.depth(upper, lower) + _STOPPED * gap
+        T = self.poses[upper].copy()
+        farthest = min(1.25 * gap / lean, gap / self.config.gap)
+        for way in np.geomspace(0.5 * farthest, farthest, _LET_DOWN):
+            T[:3, 3] = self.poses[upper][:3, 3] - way * up
+            if mutual_depth(a, b, se3.inverse(self.poses[lower]) @ T) > deeper:
+                return True
+        return False
+
+    def _gap(self, first: str, second: str) -> float:
+        """Gap up to which two bodies count as touching [m]."""
+        return self.config.gap * min(self.bodies[first].smallest_extent, self.bodies[second].smallest_extent)
+
+    def depth(self, first: str, second: str) -> float:
+        """Return how deep the two overlap as assembled [m]."""
+        key = frozenset((first, second))
+        if key not in self._depths:
+            self._depths[key] = 0.0
+            if self._near(first, second, 0.0):
+                T = se3.inverse(self.poses[second]) @ self.poses[first]
+                self._depths[key] = mutual_depth(self.bodies[first], self.bodies[second], T)
+        return self._depths[key]
+
     def fastened(self, first: str, second: str) -> bool:
         """Return whether the two hold one another: declared so, or overlapping as assembled by more than facets do."""
         key = frozenset((first, second))
         if key not in self._fastened:
-            a, b = self.bodies[first], self.bodies[second]
-            depth = 0.0
-            if self._near(first, second, 0.0):
-                depth = mutual_depth(a, b, se3.inverse(self.poses[second]) @ self.poses[first])
-            self._fastened[key] = depth > self.config.fastened * min(a.smallest_extent, b.smallest_extent)
+            least = min(self.bodies[first].smallest_extent, self.bodies[second].smallest_extent)
+            self._fastened[key] = self.depth(first, second) > self.config.fastened * least
         return self._fastened[key]
 
     def on_table(self, name: str, table: Table) -> Touch:
@@ -108,7 +164,7 @@ class Touching:
 
     def _find(self, first: str, second: str) -> Touch:
         a, b = self.bodies[first], self.bodies[second]
-        points, normals = self.meeting(first, second, self.config.gap * min(a.smallest_extent, b.smallest_extent))
+        points, normals = self.meeting(first, second, self._gap(first, second))
         if not len(points):
             return Touch(points, normals)
         reach = max(float(np.ptp(points, axis=0).max()), 1e-3 * min(a.radius, b.radius))

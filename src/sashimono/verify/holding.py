@@ -32,6 +32,12 @@ _OPPOSING = -0.87
 _FACING = -0.65
 _LEAST_WEIGHT = 1e-4
 _INSET = 0.02
+_FLAT = 0.9
+"""Cosine between up and a normal from which on one part lies on the other."""
+_JAM = 0.05
+"""How much deeper a part gets that something leaning carries, over the gap at which parts touch."""
+_SINKINGS = 6
+"""Ways to let a part down, from that gap to where it would have closed, or to the smaller part's smallest extent."""
 
 
 class _Contact(NamedTuple):
@@ -68,6 +74,7 @@ class PlacedParts:
         self._stated = stated or {}
         self._bonded: dict[frozenset[str], bool] = {}
         self._contacts: dict[tuple[str, str], _Contact] = {}
+        self._jamming: dict[tuple[str, str, bytes], bool] = {}
         self._depths: dict[frozenset[str], float] = {}
         self._boxes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._skins: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -123,7 +130,7 @@ class PlacedParts:
             for second in (*placed[:i], None):
                 if (second is not None and owner[first] == owner[second]) or not {first, second} & set(place):
                     continue
-                contact = self._on_table(first, table) if second is None else self._contact(first, second)
+                contact = self._on_table(first, table) if second is None else self._wedged(first, second, table.normal)
                 if len(contact.points):
                     clamped = second is not None and frozenset((owner[first], owner[second])) in clamping
                     points, forces = self._forces(contact, table.normal, clamped)
@@ -229,14 +236,15 @@ class PlacedParts:
         return self._bonded[key]
 
     def _clamping(self, groups: Sequence[Sequence[str]]) -> set[frozenset[int]]:
-        """Pairs of groups of which two parts of one push on the other from opposite sides."""
+        """Pairs of groups of which two parts of one, fastened to each other, push on the other from opposite sides."""
         found: set[frozenset[int]] = set()
         for a, clamp in enumerate(groups):
             for b, between in enumerate(groups):
                 if a == b or len(clamp) == 1:
                     continue
-                pushes = [np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in clamp]
-                if any((one @ other.T < _OPPOSING).any() for one, other in combinations(pushes, 2)):
+                pushes = {jaw: np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in clamp}
+                jaws = (pair for pair in combinations(clamp, 2) if self._fastened(*pair))
+                if any((pushes[one] @ pushes[other].T < _OPPOSING).any() for one, other in jaws):
                     found.add(frozenset((a, b)))
         return found
 
@@ -284,6 +292,41 @@ class PlacedParts:
             self._contacts[first, second] = _Contact(points, normals)
             self._contacts[second, first] = _Contact(points, -normals)
         return self._contacts[first, second]
+
+    def _wedged(self, first: str, second: str, up: np.ndarray) -> _Contact:
+        """Where the second part can push the first; what leans, and lets the upper part sink past, pushes level."""
+        points, normals = self._contact(first, second)
+        lean = normals @ up
+        for upper, lower, side in ((first, second, lean), (second, first, -lean)):
+            leaning = (side > self._config.hold_upright) & (side < _FLAT)
+            if (
+                leaning.any()
+                and not (side >= _FLAT).any()
+                and not self._jams(upper, lower, up, float(side[leaning].min()))
+            ):
+                level = normals - np.outer(lean, up)
+                level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+                normals = np.where(leaning[:, None], level, normals)
+        return _Contact(points, normals)
+
+    def _jams(self, upper: str, lower: str, up: np.ndarray, lean: float) -> bool:
+        """Whether the upper of two parts, let down until all that leans has met, is deeper in the lower than before."""
+        key = (upper, lower, up.tobytes())
+        if key not in self._jamming:
+            a, b = self._bodies[upper], self._bodies[lower]
+            gap = self._config.hold_gap * min(a.smallest_extent, b.smallest_extent)
+            T = se3.inverse(self._poses[lower])
+            deep = sampled_depth(a, b, T @ self._poses[upper]) + _JAM * gap
+            sunk = self._poses[upper].copy()
+            self._jamming[key] = False
+            for way in np.geomspace(
+                gap, max(gap, min(1.5 * gap / lean, a.smallest_extent, b.smallest_extent)), _SINKINGS
+            ):
+                sunk[:3, 3] = self._poses[upper][:3, 3] - way * up
+                if sampled_depth(a, b, T @ sunk) > deep:
+                    self._jamming[key] = True
+                    break
+        return self._jamming[key]
 
     def _meeting(self, name: str, other: str, gap: float) -> tuple[np.ndarray, np.ndarray]:
         """Points of one part's surface on the other's, and the other's outward normals there, in the world."""
