@@ -1,10 +1,10 @@
 """Table I: every method on the test split, what each was trained on, and how PAST learns with more of it.
 
-    python benchmarks/table_one.py FIGURES --weights FILE... [--curve JSON...] [--out benchmarks/results/table_one]
+    python benchmarks/table_one.py FIGURES --weights FILE... [--curve JSON...] [--images docs/images]
 
-FIGURES is a folder that `sashimono evaluate` wrote. Its tables and its figure are copied, and what it says by group,
-without the single blueprints. --curve names evaluations of one model after longer and longer training. What each was
-trained on is read from the weights that are called as it is.
+FIGURES is a folder that `sashimono evaluate` wrote. Its tables are copied, and what it says by group without the single
+blueprints; its figure and the learning curve go to the folder of images. --curve names evaluations of one model after
+longer and longer training. What each was trained on is read from the weights that are called as it is.
 """
 
 from __future__ import annotations
@@ -33,10 +33,12 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, nargs="*", default=[])
     parser.add_argument("--curve", type=Path, nargs="*", default=[])
     parser.add_argument("--out", type=Path, default=REPOSITORY / "benchmarks" / "results" / "table_one")
+    parser.add_argument("--images", type=Path, help="folder for the figures, such as docs/images")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    for name in ("tables.md", "sensitivity.svg"):
-        shutil.copyfile(options.figures / name, options.out / name)
+    shutil.copyfile(options.figures / "tables.md", options.out / "tables.md")
+    if options.images:
+        shutil.copyfile(options.figures / "sensitivity.svg", options.images / "sensitivity.svg")
     methods = [read_evaluation(path) for path in sorted(options.figures.glob("*.json"))]
     trained = {title(path): spent(path) for path in options.weights}
     content: dict[str, Any] = {
@@ -50,7 +52,7 @@ def main() -> None:
     )
     if points:
         levels = {e.name: e.overall["sequence"].value for e in methods if e.name in ("inside out", "rule")}
-        draw_learning_curve(points, options.out / "learning_curve.svg", lines=levels)
+        draw_learning_curve(points, (options.images or options.out) / "learning_curve.svg", lines=levels)
         content["curve"] = [{"states": states, **values(evaluation.overall)} for states, evaluation in points]
         content["points_per_tenfold"] = slopes = {key: slope(points, key) for key in CURVE}
         rows = [
