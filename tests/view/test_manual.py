@@ -93,6 +93,8 @@ def test_words_of_a_way() -> None:
     assert leg_words(leg((1.0, 0.0, 0.0), 0.0074), UP, ENGLISH) == "7.4 mm along the arrow"
     assert leg_words(leg((1.0, 0.0, 0.0), 0.0074), UP, ENGLISH, arrow=True) == "7.4 mm"
     assert leg_words(leg((0.0, 0.0, -1.0), 0.0028, -1.0), UP, ENGLISH).startswith("1 turn counter-clockwise")
+    assert leg_words(leg((0.0, 0.0, -1.0), 0.00021, -0.01), UP, ENGLISH) == "turn 4° counter-clockwise (down 0.21 mm)"
+    assert leg_words(leg((0.0, 0.0, -1.0), 0.00021, -0.001), UP, ENGLISH) == "down 0.21 mm"
     about_x, about_z = leg((1.0, 0.0, 0.0), 0.0, 0.05), leg((0.0, 0.0, 1.0), 0.0, 0.05)
     assert way_words((about_x, down), UP, ENGLISH) == "tilt by 18°, then down 16 mm"
     # the axis points up, the way down: seen along the way the turn is the other way round

@@ -356,12 +356,15 @@ def leg_words(
     about = 1.0 if way is None else float(leg.direction @ way)
     turns = leg.turns if about >= 0.0 else -leg.turns
     hand = words.clockwise if turns > 0.0 else words.counter_clockwise
-    if abs(turns) < 0.75 and leg.length == 0.0:
-        template = words.turn if abs(about) > 0.9 else words.tilt
-        return template.format(angle=f"{360.0 * abs(turns):.0f}°", hand=hand)
     count = abs(turns)
-    text = f"{count:.0f}" if abs(count - round(count)) < 0.05 else f"{count:.1f}".replace(".", words.decimal)
-    turning = (words.one_turn if text == "1" else words.turns).format(count=text, hand=hand)
+    if 360.0 * count < 0.5 and leg.length > 0.0:
+        return travel
+    if count < 0.75:
+        template = words.turn if abs(about) > 0.9 else words.tilt
+        turning = template.format(angle=f"{360.0 * count:.0f}°", hand=hand)
+    else:
+        text = f"{count:.0f}" if abs(count - round(count)) < 0.05 else f"{count:.1f}".replace(".", words.decimal)
+        turning = (words.one_turn if text == "1" else words.turns).format(count=text, hand=hand)
     return f"{turning} ({travel})" if leg.length > 0.0 else turning
 
 
