@@ -251,7 +251,8 @@ def test_eight_blueprints_are_learned_by_heart(
     variant: str, data: ToyDataset, cache: CloudCache, clouds: DeviceClouds, tmp_path: Path
 ) -> None:
     weight = {"past": "auxiliary_weight"}.get(VARIANTS[variant][0], "pose_weight")
-    steps = {"nsm": 5000}.get(VARIANTS[variant][0], 2000)  # it does not see the blueprint
+    # NSM does not see the blueprint; 2000 steps of PAST leave one of the eight to chance
+    steps = {"nsm": 5000, "past": 3000}.get(VARIANTS[variant][0], 2000)
     config = config_for(variant, steps=steps, limit=8)
     config = replace(
         config,
