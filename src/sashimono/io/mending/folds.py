@@ -45,15 +45,17 @@ def without_flat_folds(
 
     A flat face is drawn from its rims alone, and only where the new triangles cover as much as the old ones did,
     counted with their signs. So no point of the surface moves, but for sheets with nothing between them. The faces come
-    back as they are where that leaves no fewer folds (`count_folded`).
+    back as they are where that leaves no fewer folds (`count_folded`), and where more than ``max_folds`` triangles are
+    folded: such a surface is not one that a few faces spoil, and looking at each takes minutes.
     """
     tolerance = config.weld * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     triangles = vertices[faces]
     normals, _, whole = _normals(triangles)
     pairs = neighbouring_faces(faces)
-    seeds = pairs[_back_to_back(pairs, normals, whole, config)][:, 0]
+    left = set(pairs[_back_to_back(pairs, normals, whole, config)][:, 0].tolist())
+    if len(left) > config.max_folds:
+        return faces
     kept, drawn = np.ones(len(faces), np.bool_), []
-    left = set(np.unique(seeds).tolist())
     while left:
         seed = min(left)
         left.discard(seed)
