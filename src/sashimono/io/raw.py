@@ -58,7 +58,7 @@ class ReadConfig:
     fold_step: float = 1e-3
     """The winding number is taken this far before and behind such a triangle, over √(2 area)."""
     max_folds: int = 400
-    """Most triangles of one part for which it is taken."""
+    """Most triangles of one part for which it is taken. A part with more of them is not drawn anew either."""
     plausible: tuple[float, float] = (1e-3, 100.0)
     """Assemblies with a smaller or larger diagonal [m] get a note to check the unit, though the file states it."""
     likely: tuple[float, float] = (3e-3, 30.0)
