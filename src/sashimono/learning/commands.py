@@ -327,7 +327,7 @@ def evaluate_command(
 
 
 def _report(out: Path, like: Evaluation, say: Say) -> None:
-    """Print tables, and draw figures if matplotlib is there, of all evaluations in a folder that are of the same
+    """Write and print tables, and draw figures if matplotlib is there, of all evaluations in a folder that are of the same
     blueprints as one: those of earlier calls too."""
     from sashimono.learning.evaluate import read_evaluations
     from sashimono.learning.report import group_table, in_order, table_one
@@ -336,14 +336,14 @@ def _report(out: Path, like: Evaluation, say: Say) -> None:
     # a seed by itself only where there is no mean over seeds
     found = in_order({name: each for name, each in read.items() if _without_seed(name) not in read.keys() - {name}})
     tables = [table_one(found), *(group_table(found, group) for group in ("by_split", "by_parts", "by_family"))]
-    for text in tables:
-        say(text)
     with atomic_write(out / "tables.md") as scratch:
         scratch.write_text("\n\n".join(tables) + "\n", encoding="utf-8")
     if importlib.util.find_spec("matplotlib"):
         from sashimono.learning.figures import draw_sensitivity
 
         draw_sensitivity(found, out / "sensitivity.svg")
+    for text in tables:  # last: who reads only the first lines of them must not lose the files
+        say(text)
 
 
 def _without_seed(name: str) -> str:

@@ -29,8 +29,7 @@ ROW_OF = {
 }
 """The paper's row that a method is an instance of, by the first word of its name; ``past-posed`` is ours."""
 
-
-ORDER = ("random", "inside out", "rule", "nsm", "dgl", "ata", "ppo", "rl", "seg", "noaux", "past")
+ORDER = ("random", "inside out", "rule", *ROW_OF)
 """The order of table I, by the first word of a method's name or by all of it; ours is last."""
 
 

@@ -104,8 +104,7 @@ def _tubes(
     """The other part whose tube is left last, that tube, and the travel until then; None if tubes are not coaxial."""
     parts = shared.parts
     best: tuple[int, Tube, float] | None = None
-    overlapped = shared.overlapping(part, sum(1 << other for other in others))
-    for other in overlapped:
+    for other in shared.overlapping(part, sum(1 << other for other in others)):
         tube = shared.tube(part, other, axis)
         if tube is None:
             continue
