@@ -327,8 +327,8 @@ def evaluate_command(
 
 
 def _report(out: Path, like: Evaluation, say: Say) -> None:
-    """Write and print tables, and draw figures if matplotlib is there, of all evaluations in a folder that are of the same
-    blueprints as one: those of earlier calls too."""
+    """Write and print tables, and draw figures if matplotlib is there, of all evaluations in a folder that are of the
+    same blueprints as one: those of earlier calls too."""
     from sashimono.learning.evaluate import read_evaluations
     from sashimono.learning.report import group_table, in_order, table_one
 
