@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.straying import first_astray
@@ -285,7 +285,7 @@ def hit_by_removal(parts: PlacedParts, part: int, removal: Removal, among: Seque
         for leg, (start, stop) in enumerate(pairwise(stops)):
             length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
             direction = (stop - start) / np.linalg.norm(stop - start)
-            if np.isfinite(free_travel(parts, part, start, direction, other, length=length)):
+            if not passes(parts, part, start, direction, other, length=length):
                 mask |= 1 << other
                 break
     return mask
