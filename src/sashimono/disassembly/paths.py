@@ -178,7 +178,7 @@ class Paths:
         """Return an upper bound of the way of any point [m] along the twist, u from 0 to 1."""
         center = se3.apply(D, self.center[None])[0]
         v, w = twist[:3], twist[3:]
-        return float(np.linalg.norm(v + np.cross(w, center)) + np.linalg.norm(w) * self.body.radius)
+        return float(np.linalg.norm(v + se3.cross(w, center)) + np.linalg.norm(w) * self.body.radius)
 
     def near(
         self, D: Float[np.ndarray, "4 4"], *, twist: Float[np.ndarray, "6"] | None = None, margin: float = 0.0
