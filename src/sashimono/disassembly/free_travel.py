@@ -65,7 +65,7 @@ def free_travel(
     # a deep overlap is no excuse far from it
     length = min(length, travel)
     along = np.concatenate([length * direction, np.zeros(3)])
-    astray = first_astray(parts, part, other, se3.make(None, offset), along)
+    astray = first_astray(parts, part, other, se3.make(None, offset), along, enough=enough / length)
     if np.isfinite(astray):
         length = travel = astray * length
         if travel <= enough:

@@ -142,7 +142,7 @@ class Paths:
         apart = parts.tolerances.parted * parts.scale(self.part, other)
         parted = False
         for a, twist in _stretches(displacements):
-            if not parted and np.isfinite(first_astray(parts, self.part, other, a, twist)):
+            if not parted and np.isfinite(first_astray(parts, self.part, other, a, twist, enough=np.inf)):
                 return False
             rate, T_start = self.rate(a, twist), a @ self.T_assembled
             start = 0.0

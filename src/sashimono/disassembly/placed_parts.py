@@ -90,6 +90,9 @@ class PlacedParts:
         """By pair: probes, of the first part or the other one, that stopped the first on a straight way.
         They tell no answer; asked first, they make a no come faster (`free_travel`)."""
 
+        self.strayed: dict[tuple[int, int], int] = {}
+        """By pair: the probe of the first part that strayed last (`first_astray`); the same."""
+
     def __len__(self) -> int:
         return len(self.bodies)
 
