@@ -29,8 +29,9 @@ def first_astray(
 ) -> float:
     """Return the u in [0, 1] at which a part moved by ``exp(u twist) @ D`` is first astray; infinite if it never is.
 
-    Of a u of at most ``enough`` no more is told than that: what comes back is between the two. It is astray where a probe of either part is deeper in the other than translations may be, and farther from each
-    place of their overlap than that is an excuse. D is from the assembled pose; both are in the world frame.
+    It is astray where a probe of either part is deeper in the other than translations may be, and farther from each
+    place of their overlap than that is an excuse. D is from the assembled pose; both are in the world frame. Of a u of
+    at most ``enough`` no more is told than that: what comes back is between the two.
     """
     places = parts.overlap_places(part, other)
     if not places:
