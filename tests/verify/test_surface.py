@@ -67,6 +67,24 @@ def test_a_bound_changes_nothing_below_it(name: str) -> None:
         assert (bounded[~below] >= beyond[~below]).all()
 
 
+@pytest.mark.parametrize("name", BODIES)
+def test_no_point_of_a_triangle_is_farther_off_than_its_greatest_gap(name: str) -> None:
+    body = BODIES[name]
+    rng = np.random.default_rng(6)
+    corners = rng.uniform(body.low, body.high, (300, 1, 3)) + 0.1 * body.size * rng.normal(size=(300, 3, 3))
+    most = body.greatest_gap(corners)
+    weights = rng.dirichlet((1.0, 1.0, 1.0), 200)
+    points = np.einsum("nij,ki->nkj", corners, weights)
+    gaps = body.gap(points.reshape(-1, 3)).reshape(300, 200)
+    assert (gaps <= most[:, None] + 1e-12 * body.size).all()
+    # a small triangle beside one face is bounded by its own distance
+    face = body.vertices[body.faces[0]]
+    normal = np.cross(face[1] - face[0], face[2] - face[0])
+    normal /= np.linalg.norm(normal)
+    beside = face.mean(axis=0) + 0.2 * (face - face.mean(axis=0)) + 1e-6 * body.size * normal
+    assert body.greatest_gap(beside[None])[0] == pytest.approx(1e-6 * body.size, rel=1e-3)
+
+
 def test_inside_is_right_where_a_surface_touches_itself() -> None:
     """Two blocks in one mesh, face on face: inside either is inside, whichever face is nearest."""
     first = trimesh.creation.box((1.0, 1.0, 1.0))
