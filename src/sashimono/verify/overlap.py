@@ -181,7 +181,7 @@ class Excuse:
             distances: Their signed distances to the other surface [m].
             tolerance: Depth that needs no excuse [m].
         """
-        return self._off(distances, self._room(points), tolerance)
+        return self._off(distances, self._room(points, distances + tolerance), tolerance)
 
     def ease_moving(self, tolerance: float) -> Ease:
         """Return the same for points of the moving part, as a sweep asks for it."""
@@ -189,14 +189,18 @@ class Excuse:
 
     def ease_fixed(self, tree: BallTree, tolerance: float) -> Ease:
         """Return the same for points of the fixed part, which stay where they are."""
-        room = self._room(tree.centers)
+        room = self._room(tree.centers, np.full(len(tree.centers), -np.inf))
         return lambda node, points, distances: self._off(distances, room[node], tolerance)
 
-    def _room(self, points: np.ndarray) -> Float[np.ndarray, "n"]:
-        """How much farther from the overlap a point could be and still be excused."""
+    def _room(self, points: np.ndarray, least: np.ndarray) -> Float[np.ndarray, "n"]:
+        """How much farther from the overlap a point could be and still be excused, where that is more than least."""
         if not self.places:
             return np.full(len(points), np.inf)
-        return np.max([place.reach - place.distance(points) for place in self.places], axis=0)
+        room = least.copy()
+        for place in self.places:
+            near = np.flatnonzero(place.reach - place.box_distance(points) > room)
+            room[near] = np.maximum(room[near], place.reach - place.distance(points[near]))
+        return room
 
     def _off(self, distances: np.ndarray, room: np.ndarray, tolerance: float) -> Float[np.ndarray, "n"]:
         return np.maximum(distances, np.minimum(distances + self.depth, room - tolerance))
@@ -209,8 +213,14 @@ class OverlapPlace:
         mesh = piece.to_mesh64()
         vertices = np.ascontiguousarray(np.asarray(mesh.vert_properties)[:, :3])
         self._surface = Surface(vertices, np.asarray(mesh.tri_verts).astype(np.int64))
+        self._low, self._high = vertices.min(axis=0), vertices.max(axis=0)
         self.reach = max(least, float(np.linalg.norm(np.ptp(vertices, axis=0))))
         """How far from it this piece excuses anything [m]: as far as it is large."""
+
+    def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the distance of each point to the piece's box [m]: no more than to the piece."""
+        outside = np.maximum(np.maximum(self._low - points, points - self._high), 0.0)
+        return np.linalg.norm(outside, axis=1)
 
     def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the piece's surface [m], also from inside."""
