@@ -11,7 +11,7 @@ from sashimono.disassembly.free_travel import free_travel, passes
 from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.placed_parts import PlacedParts, PlacedPartsConfig
 from sashimono.disassembly.tilting.contact_surface import ContactSurface
-from sashimono.disassembly.translation.leaning import LeaningConfig, leaning_direction
+from sashimono.disassembly.translation.leaning import LeaningConfig, around, leaning_direction
 from sashimono.geometry import se3
 from sashimono.geometry.features.directions import sphere_directions
 
@@ -86,13 +86,37 @@ def test_contacts_are_the_same_from_wherever_the_part_was_seen_last() -> None:
         np.testing.assert_array_equal(again.rows, fresh.rows)
 
 
-def test_leaning_finds_a_way_out_between_the_directions_given() -> None:
-    """A block under a hook leaves aslant: neither aside, as the wall is there, nor up."""
-    hook = box((0.1, 0.04, 0.01)).translate((0.0, 0.0, -0.01)) + box((0.03, 0.04, 0.01)).translate((-0.03, 0.0, 0.02))
-    hook += box((0.01, 0.04, 0.04)).translate((0.03, 0.0, 0.0))
-    parts = assembly(hook=hook, block=box((0.03, 0.03, 0.01)).translate((-0.01, 0.0, 0.001)))
-    parts = PlacedParts(parts, make_bodies(parts), config=PlacedPartsConfig())
-    given = np.array([[np.sin(0.5), 0.0, np.cos(0.5)], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    found = leaning_direction(parts, 1, [0], given, config=LeaningConfig())
-    assert found is not None
-    assert passes(parts, 1, np.zeros(3), found, 0)
+@pytest.mark.parametrize("name", SOLIDS)
+def test_leaning_that_looks_no_farther_than_it_must_finds_what_exact_travels_find(name: str) -> None:
+    parts, config = placed(name), LeaningConfig(square=0.0)
+    travels = [(free_travel(parts, 1, np.zeros(3), direction, 0), direction) for direction in sphere_directions(60)]
+    given = np.array([direction for travel, direction in travels if np.isfinite(travel)])
+    found, expected = leaning_direction(parts, 1, [0], given, config=config), climbed(parts, given, config)
+    assert (found is None) == (expected is None)
+    if found is not None and expected is not None:
+        np.testing.assert_array_equal(found, expected)
+        assert passes(parts, 1, np.zeros(3), found, 0)
+
+
+def climbed(parts: PlacedParts, given: np.ndarray, config: LeaningConfig) -> np.ndarray | None:
+    """What `leaning_direction` is to find, with every travel told exactly."""
+
+    def travel(direction: np.ndarray) -> float:
+        return free_travel(parts, 1, np.zeros(3), direction, 0)
+
+    reaches = np.array([travel(direction) for direction in given])
+    looks = 0
+    for k in np.argsort(-np.round(reaches, 12), kind="stable")[: config.starts]:
+        best, reach = given[k], reaches[k]
+        for step in config.steps:
+            improved = True
+            while improved and np.isfinite(reach) and looks < config.max_looks:
+                improved = False
+                for direction in around(best, step, config.neighbours):
+                    looks += 1
+                    if travel(direction) > config.gain * reach:
+                        best, reach, improved = direction, travel(direction), True
+                        break
+        if np.isinf(reach):
+            return best
+    return None

@@ -59,7 +59,7 @@ def leaning_direction(
             improved = True
             while improved and np.isfinite(reach) and looks < config.max_looks:
                 improved = False
-                for direction in _around(best, step, config.neighbours):
+                for direction in around(best, step, config.neighbours):
                     looks += 1
                     travel = _travel(parts, part, others, direction, enough=config.gain * reach)
                     if travel > config.gain * reach:
@@ -82,7 +82,8 @@ def _squared(
     return [start, square] if (square != start).any() else [start]
 
 
-def _around(direction: Float[np.ndarray, "3"], step: float, count: int) -> Float[np.ndarray, "neighbour 3"]:
+def around(direction: Float[np.ndarray, "3"], step: float, count: int) -> Float[np.ndarray, "neighbour 3"]:
+    """Return so many unit directions around one, turned from it by an angle [rad]."""
     angles = 2.0 * np.pi * np.arange(count) / count
     across = np.column_stack([np.cos(angles), np.sin(angles)]) @ frame_along(direction)[:2]
     return np.cos(step) * direction + np.sin(step) * across
