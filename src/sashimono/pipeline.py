@@ -66,7 +66,7 @@ class PipelineConfig:
     separate: SeparateConfig = field(default_factory=lambda: SeparateConfig(tilting=True))
     sequence: SequenceConfig = field(default_factory=SequenceConfig)
     fits: FitConfig = field(default_factory=FitConfig)
-    """Which fits are declared where, with all parts rigid, some part has no motion; by method ``cascade`` only."""
+    """Which fits are declared where, with all parts rigid, some part has no motion; not by method ``physics``."""
     motion: MotionConfig = field(default_factory=MotionConfig)
     contact: ContactConfig = field(default_factory=ContactConfig)
     verify: VerifyConfig = field(default_factory=VerifyConfig)
@@ -166,9 +166,9 @@ def plan_assembly(
     def counted(done: int) -> None:
         progress("sequence", done, len(assembly) - 1)
 
-    may_bend = config.fits.enabled and config.method == "cascade"
+    may_bend = config.fits.enabled and config.method != "physics"
     first, with_fits = None, None
-    if may_bend and not products.groups:
+    if may_bend and config.method == "cascade" and not products.groups:
         with clock.stage("sequence"):
             first = find_disassembly(cascade, config=config.sequence, progress=counted)
         # a complete plan with fits spares the motions of one that leaves parts out
