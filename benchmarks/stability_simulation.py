@@ -26,6 +26,7 @@ import heapq
 import json
 import sys
 from collections.abc import Collection, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -196,12 +197,11 @@ class Scene:
 
     def _settled(self, groups: Sequence[Sequence[str]], still: Collection[str], on: Table) -> list[float]:
         """By group, how far it may come down [m] without anything having fallen: from touch to touch, the least way."""
-        least = [min(self._bodies[name].smallest_extent for name in group) for group in groups]
+        extent = {name: SUNK * self._bodies[name].smallest_extent for group in groups for name in group}
         out = [np.inf] * len(groups)
         queue = [(0.0, k) for k, group in enumerate(groups) if set(group) & set(still)]
         for k, group in enumerate(groups):
-            if any(len(self._touching.on_table(name, on).points) for name in group):
-                queue.append((SUNK * least[k], k))
+            queue += [(extent[name], k) for name in group if len(self._touching.on_table(name, on).points)]
         heapq.heapify(queue)
         while queue:
             way, k = heapq.heappop(queue)
@@ -209,9 +209,10 @@ class Scene:
                 continue
             out[k] = way
             for m, group in enumerate(groups):
-                if way < out[m] and any(len(self._touching.between(a, b).points) for a in groups[k] for b in group):
-                    heapq.heappush(queue, (way + SUNK * min(least[k], least[m]), m))
-        return [way if np.isfinite(way) else SUNK * least[k] for k, way in enumerate(out)]
+                for a, b in product(groups[k], group) if way < out[m] else ():
+                    if len(self._touching.between(a, b).points):
+                        heapq.heappush(queue, (way + min(extent[a], extent[b]), m))
+        return [way if np.isfinite(way) else min(map(extent.__getitem__, groups[k])) for k, way in enumerate(out)]
 
     def _pieces_of(self, name: str) -> list[np.ndarray]:
         if name not in self._pieces:
@@ -289,7 +290,8 @@ def convex_pieces(points: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
 
     coacd.set_log_level("error")
     scale = 1.0 / float(np.ptp(points, axis=0).max())  # it works in lengths of about one
-    search = {"preprocess_resolution": 40, "resolution": 1000, "mcts_iterations": 60, "mcts_max_depth": 2, "seed": 0}
+    # bodies are closed: drawn anew on a grid, their faces would be off by half a cell
+    search = {"preprocess_mode": "off", "resolution": 1000, "mcts_iterations": 60, "mcts_max_depth": 2, "seed": 0}
     found = coacd.run_coacd(coacd.Mesh(points * scale, faces), threshold=0.02, **search)
     return [np.asarray(corners) / scale for corners, _ in found if len(corners) >= 4]
 
