@@ -170,7 +170,7 @@ def test_a_chamfer_that_faces_a_wall_carries_nothing(upside_down: bool, ledge: b
 
 
 def test_walls_that_meet_in_an_edge_push_nothing() -> None:
-    """A ring lies over a groove whose inner wall is hardly narrower than its bore: the walls face, one above the other."""
+    """A ring lies over a groove whose inner wall is hardly narrower than its bore: one wall ends below the other."""
     groove = rod(0.025, 0.01) - rod(0.02, 0.02)
     plate = box((0.1, 0.1, 0.02), (0.0, 0.0, -0.01)) - groove
     parts = assembly(plate=plate, ring=rod(0.04, 0.03, (0.0, 0.0, 0.015)) - rod(0.0201, 0.1))
