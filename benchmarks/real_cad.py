@@ -1,6 +1,6 @@
 """Whole-process planning of real CAD assemblies: ended, complete, refuted, time and memory.
 
-    python benchmarks/real_cad.py [NAME ...] [--jobs 2] [--second-opinion]
+    python benchmarks/real_cad.py [NAME ...] [--jobs 2] [--second-opinion] [--method past]
 
 Each assembly is planned by ``sashimono plan`` in a process of its own. Failures stay in the
 denominator, each with its reason. ``--second-opinion`` looks at every complete plan once more by a
@@ -34,11 +34,12 @@ def main() -> None:
     arguments = parser(__doc__, "real_cad.json")
     arguments.add_argument("--jobs", type=int, default=1, help="processes at a time; 1 for figures of time")
     arguments.add_argument("--second-opinion", action="store_true", help="check complete plans by booleans as well")
+    arguments.add_argument("--method", default="cascade", help="what proposes the order: cascade or past")
     options = arguments.parse_args()
     folders = chosen(SHARED / "assemblies", options.names)
     with ThreadPoolExecutor(options.jobs) as pool:
         rows = []
-        for row in pool.map(lambda folder: measure(folder, second=options.second_opinion), folders):
+        for row in pool.map(lambda folder: measure(folder, options.method, second=options.second_opinion), folders):
             rows.append(row)
             print(f"{row['name']}: {row['status']}, exit {row['exit']}, {row['cpu_s']} s", file=sys.stderr, flush=True)
     summary = summarise(rows)
@@ -57,12 +58,13 @@ def main() -> None:
             print(f"- {row['name']} ({row['kind']}, {row['parts']} parts): {row['reason']}")
 
 
-def measure(folder: Path, *, second: bool) -> dict:
+def measure(folder: Path, method: str, *, second: bool) -> dict:
     """Plan one assembly and return what came of it."""
     parts = len(list(folder.glob("*.obj")))
     row = {"name": folder.name, "kind": kind_of(folder.name, parts), "parts": parts}
     with tempfile.TemporaryDirectory() as out:
         command = [sys.executable, "-m", "sashimono", "plan", str(folder), "--out", out, "--unit", "mm"]
+        command += ["--method", method]
         with tempfile.TemporaryFile("w+") as said:
             start = time.perf_counter()
             environment = os.environ | {"COLUMNS": "200"}

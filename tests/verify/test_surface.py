@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import igl
+import manifold3d
 import numpy as np
 import pytest
 import trimesh
 
 from sashimono.io.read import read_assembly
 from sashimono.verify.body import SampledBody
+from sashimono.verify.overlap import Excuse, OverlapPlace
 
 EXAMPLE = Path(__file__).parents[2] / "src" / "sashimono" / "examples" / "gearbox.step"
 
@@ -67,6 +69,24 @@ def test_a_bound_changes_nothing_below_it(name: str) -> None:
         assert (bounded[~below] >= beyond[~below]).all()
 
 
+@pytest.mark.parametrize("name", BODIES)
+def test_no_point_of_a_triangle_is_farther_off_than_its_greatest_gap(name: str) -> None:
+    body = BODIES[name]
+    rng = np.random.default_rng(6)
+    corners = rng.uniform(body.low, body.high, (300, 1, 3)) + 0.1 * body.size * rng.normal(size=(300, 3, 3))
+    most = body.greatest_gap(corners)
+    weights = rng.dirichlet((1.0, 1.0, 1.0), 200)
+    points = np.einsum("nij,ki->nkj", corners, weights)
+    gaps = body.gap(points.reshape(-1, 3)).reshape(300, 200)
+    assert (gaps <= most[:, None] + 1e-12 * body.size).all()
+    # a small triangle beside one face is bounded by its own distance
+    face = body.vertices[body.faces[0]]
+    normal = np.cross(face[1] - face[0], face[2] - face[0])
+    normal /= np.linalg.norm(normal)
+    beside = face.mean(axis=0) + 0.2 * (face - face.mean(axis=0)) + 1e-6 * body.size * normal
+    assert body.greatest_gap(beside[None])[0] == pytest.approx(1e-6 * body.size, rel=1e-3)
+
+
 def test_inside_is_right_where_a_surface_touches_itself() -> None:
     """Two blocks in one mesh, face on face: inside either is inside, whichever face is nearest."""
     first = trimesh.creation.box((1.0, 1.0, 1.0))
@@ -88,3 +108,27 @@ def test_rays_along_edges_and_through_corners_are_not_counted() -> None:
     points = np.concatenate([corner - 0.5 * rays, corner + 0.5 * rays, -corner - 2.0 * rays])
     inside = (np.abs(points) < 1.0).all(axis=1)
     np.testing.assert_array_equal(body.contains(points), inside)
+
+
+def test_what_an_excuse_takes_off_is_bounded_by_the_way_to_its_nearest_place() -> None:
+    boxes = [trimesh.creation.box(extents=(2.0, 2.0, 2.0)).apply_translation((x, 0.0, 0.0)) for x in (0.0, 9.0)]
+    places = [
+        OverlapPlace(manifold3d.Manifold.cube((1.0, 1.0, 1.0)).translate((x, 0.0, 0.0)), least=1.0) for x in (0.0, 8.0)
+    ]
+    excuse = Excuse(depth=0.5, places=tuple(places))
+    body = SampledBody("two", *joined(boxes), samples=300)
+    rng = np.random.default_rng(3)
+    nodes = rng.integers(0, len(body.tree.centers), 400)
+    points, distances = body.tree.centers[nodes], rng.uniform(-4.0, 1.0, 400)
+    room = np.max([place.reach - place.distance(points) for place in places], axis=0)
+    expected = np.maximum(distances, np.minimum(distances + 0.5, room - 0.1))
+    np.testing.assert_allclose(excuse.eased(points, distances, 0.1), expected)
+    np.testing.assert_allclose(excuse.ease_fixed(body.tree, 0.1)(nodes, points, distances), expected)
+    assert (expected > distances).any()
+    assert (expected[distances < -3.0] < -2.0).any()
+
+
+def joined(meshes: list[trimesh.Trimesh]) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of several meshes as one."""
+    whole = trimesh.util.concatenate(meshes)
+    return np.array(whole.vertices), np.array(whole.faces)

@@ -29,6 +29,10 @@ class SampleConfig:
     """Vertices taken besides; of a finer mesh, that many drawn at random."""
 
 
+_POINTS_AT_ONCE = 200_000
+"""Most points that are moved at once."""
+
+
 class Body:
     """A closed surface in its own frame [m]: samples, hull, mass, distances. Immutable but for `move`.
 
@@ -127,6 +131,19 @@ class Body:
         along = self.hull_points @ (T_world_part[:3, :3].T @ directions.T)
         shift = directions @ T_world_part[:3, 3]
         return along.min(axis=0) + shift, along.max(axis=0) + shift
+
+    def supports(
+        self, T_world_part: Float[np.ndarray, "pose 4 4"], directions: Float[np.ndarray, "direction 3"]
+    ) -> tuple[Float[np.ndarray, "pose direction"], Float[np.ndarray, "pose direction"]]:
+        """Return the same at each of many poses."""
+        turned, shift = directions @ T_world_part[:, :3, :3], T_world_part[:, :3, 3] @ directions.T
+        at_once = max(1, _POINTS_AT_ONCE // len(self.hull_points))
+        found = []
+        for first in range(0, len(turned), at_once):
+            along = turned[first : first + at_once] @ self.hull_points.T
+            found.append((along.min(axis=2), along.max(axis=2)))
+        low, high = (np.concatenate(side) for side in zip(*found, strict=True))
+        return low + shift, high + shift
 
     def lowest(self, T_world_part: Float[np.ndarray, "4 4"], normal: Float[np.ndarray, "3"]) -> float:
         """Return the least coordinate along the normal at this pose [m]."""

@@ -97,7 +97,7 @@ def _shortest_travel(
 def sweep_low(body: Body, poses: Float[np.ndarray, "pose 4 4"], normal: Float[np.ndarray, "3"]) -> float:
     """Return a lower bound of the least coordinate along the normal that the part reaches on its way [m]."""
     dense, slack = densify(body, poses)
-    return min(body.lowest(T, normal) for T in dense) - slack
+    return float(body.supports(np.array(dense), normal[None])[0].min()) - slack
 
 
 def densify(body: Body, poses: Float[np.ndarray, "pose 4 4"]) -> tuple[list[Float[np.ndarray, "4 4"]], float]:
@@ -114,7 +114,9 @@ def densify(body: Body, poses: Float[np.ndarray, "pose 4 4"]) -> tuple[list[Floa
             allowed = 0.02 * body.radius
             count = int(np.ceil(path_length(body, T_a, T_b) / allowed))
             slack = max(slack, allowed / 2.0)
-        out.extend(T_a @ se3.exp(k / count * twist) for k in range(1, count))
+        step = se3.exp(twist / count)
+        for _ in range(1, count):
+            out.append(out[-1] @ step)
         out.append(T_b)
     return out, slack
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -96,7 +95,7 @@ def _swept_boxes(
     boxes = [np.array(bodies[name].support(T, R_table.T)) for name, T in assembled.items()]
     for name, insertion in insertions.items():
         dense, slack = densify(bodies[name], np.concatenate([insertion.T_clear[None], insertion.poses]))
-        supports = [bodies[name].support(T, R_table.T) for T in dense]
-        for a, b in pairwise(supports):
-            boxes.append(np.array([np.minimum(a[0], b[0]) - slack, np.maximum(a[1], b[1]) + slack]))
+        low, high = bodies[name].supports(np.array(dense), R_table.T)
+        low, high = np.minimum(low[:-1], low[1:]) - slack, np.maximum(high[:-1], high[1:]) + slack
+        boxes.extend(np.stack([low, high], axis=1))
     return np.array(boxes)

@@ -20,8 +20,14 @@ from jaxtyping import Float
 from scipy.optimize import linprog, nnls
 from scipy.sparse import csc_array, eye_array, hstack
 
+from sashimono.geometry import se3
 from sashimono.plan import Table
 from sashimono.stability.touching import Touch, Touching
+
+Group = tuple[str, ...]
+"""Parts that are fastened to one another, in the order of placing."""
+Wrenches = Float[np.ndarray, "6 force"]
+"""What unit forces do to a group: force, and torque about its centre of mass over its radius."""
 
 _FEW_ROWS = 60
 """Balances of so many rows and fewer are told by least squares first."""
@@ -31,7 +37,7 @@ _FEW_ROWS = 60
 class Component:
     """Free rigid groups that hang together by touching, and the linear program of their balance."""
 
-    groups: tuple[tuple[str, ...], ...]
+    groups: tuple[Group, ...]
     """Parts by group."""
     wrenches: csc_array
     """(6 a group, forces): what each unit force does to each group, over the group's weight and radius."""
@@ -39,7 +45,7 @@ class Component:
     """What the forces must add up to."""
     tolerance: float
     """Imbalance that is accepted, in sum."""
-    alone: dict[tuple[tuple[str, ...], bytes], bool] = field(default_factory=dict)
+    alone: dict[tuple[Group, bytes], bool] = field(default_factory=dict)
     """Which groups balance while all others are held, as far as that was asked, by what pushes them."""
 
     @property
@@ -110,23 +116,29 @@ class Statics:
         self.touching = touching
         self.table = table
         self.config = touching.config
-        self._alone: dict[tuple[tuple[str, ...], bytes], bool] = {}
+        self._alone: dict[tuple[Group, bytes], bool] = {}
+        self._pushes: dict[tuple[Group, Group], tuple[Wrenches, Wrenches] | None] = {}
+        self._carries: dict[Group, Wrenches] = {}
+        self._masses: dict[Group, tuple[float, Float[np.ndarray, "3"], float]] = {}
 
     def components(self, placed: Sequence[str], fixed: Collection[str] = ()) -> list[Component]:
         """Return the free groups of these placed parts, by what hangs together; ``fixed`` is in the fixture."""
         groups = self._groups(placed)
-        free = [k for k, group in enumerate(groups) if not set(group) & set(fixed)]
-        touches = self._touches(groups)
+        free = {k for k, group in enumerate(groups) if not set(group) & set(fixed)}
+        pushes = {}
         roots = _Roots(len(groups))
-        for first, second in touches:
-            if first in free and second in free:
-                roots.join(first, second)
+        for i, j in combinations(range(len(groups)), 2):
+            # what two fixed groups do to one another concerns nobody
+            if (i in free or j in free) and (push := self._push(groups[i], groups[j])) is not None:
+                pushes[i, j] = push
+                if i in free and j in free:
+                    roots.join(i, j)
         together: dict[int, list[int]] = {}
-        for k in free:
+        for k in sorted(free):
             together.setdefault(roots.find(k), []).append(k)
-        return [self._component(groups, members, touches) for members in together.values()]
+        return [self._component(groups, members, pushes) for members in together.values()]
 
-    def _groups(self, placed: Sequence[str]) -> list[tuple[str, ...]]:
+    def _groups(self, placed: Sequence[str]) -> list[Group]:
         """Rigid groups: parts that are fastened to one another, in the order of placing."""
         roots = _Roots(len(placed))
         for (i, first), (j, second) in combinations(enumerate(placed), 2):
@@ -137,82 +149,89 @@ class Statics:
             groups.setdefault(roots.find(k), []).append(name)
         return [tuple(group) for group in groups.values()]
 
-    def _touches(self, groups: Sequence[tuple[str, ...]]) -> dict[tuple[int, int], tuple[Touch, bool]]:
-        """Touching points of each pair of groups, and whether one clamps the other."""
-        found = {}
-        for (i, first), (j, second) in combinations(enumerate(groups), 2):
+    def _push(self, first: Group, second: Group) -> tuple[Wrenches, Wrenches] | None:
+        """What each unit force between two groups does to the first, and to the second; None if they do not touch."""
+        if (first, second) not in self._pushes:
             pairs = [(m, n) for m in range(len(first)) for n in range(len(second))]
             touching = [self.touching.carrying(first[m], second[n], self.table.normal) for m, n in pairs]
-            if any(len(touch.points) for touch in touching):
-                points = np.concatenate([touch.points for touch in touching])
-                normals = np.concatenate([touch.normals for touch in touching])
-                owners = np.repeat(np.array(pairs), [len(touch.points) for touch in touching], axis=0)
-                clamped = any(
-                    self._clamps(normals, owner, group) for owner, group in zip(owners.T, (first, second), strict=True)
-                )
-                found[i, j] = (Touch(points, normals), clamped)
-        return found
+            points = np.concatenate([touch.points for touch in touching])
+            normals = np.concatenate([touch.normals for touch in touching])
+            owners = np.repeat(np.array(pairs), [len(touch.points) for touch in touching], axis=0)
+            push = None
+            if len(points):
+                sides = zip(owners.T, (first, second), strict=True)
+                clamped = any(self._clamps(normals, owner, group) for owner, group in sides)
+                points, forces = self._edges(Touch(points, normals), clamped)
+                push = (self._wrenches(first, points, forces), self._wrenches(second, points, -forces))
+            self._pushes[first, second] = push
+        return self._pushes[first, second]
 
-    def _clamps(self, normals: np.ndarray, owners: np.ndarray, group: tuple[str, ...]) -> bool:
+    def _carry(self, group: Group) -> Wrenches:
+        """What each unit force of the table does to a group."""
+        if group not in self._carries:
+            touching = [self.touching.on_table(name, self.table) for name in group]
+            edges = [self._edges(touch, False) for touch in touching if len(touch.points)]
+            wrenches = [self._wrenches(group, points, forces) for points, forces in edges]
+            self._carries[group] = np.concatenate([np.zeros((6, 0)), *wrenches], axis=1)
+        return self._carries[group]
+
+    def _wrenches(self, group: Group, points: np.ndarray, forces: np.ndarray) -> Wrenches:
+        _, center, radius = self._mass(group)
+        return np.concatenate([forces, np.cross((points - center) / radius, forces)], axis=1).T
+
+    def _clamps(self, normals: np.ndarray, owners: np.ndarray, group: Group) -> bool:
         """Whether two parts of a group, fastened to each other, push from both sides of what is between them.
 
         Two walls of a frame do not: they are joined by a third part, and nothing draws them together.
         """
+        if len(group) == 1:
+            return False
         opposing = normals @ normals.T < -self.config.opposing
         jaws = np.unique(np.stack([owners[each] for each in np.nonzero(opposing)], axis=1), axis=0)
         return any(m != n and self.touching.fastened(group[m], group[n]) for m, n in jaws)
 
     def _component(
         self,
-        groups: Sequence[tuple[str, ...]],
+        groups: Sequence[Group],
         members: Sequence[int],
-        touches: dict[tuple[int, int], tuple[Touch, bool]],
+        pushes: dict[tuple[int, int], tuple[Wrenches, Wrenches]],
     ) -> Component:
-        up = self.table.normal
         row = {group: k for k, group in enumerate(members)}
-        masses = [self._mass(groups[k]) for k in members]
-        heaviest = max(weight for weight, _, _ in masses)
-        masses = [(max(weight, self.config.least_weight * heaviest), *rest) for weight, *rest in masses]
+        weights = np.array([self._mass(groups[k])[0] for k in members])
+        weights = np.maximum(weights, self.config.least_weight * weights.max())
         columns = [np.zeros((6 * len(members), 0))]
-
-        def add(touch: Touch, clamped: bool, sides: list[tuple[int, float]]) -> None:
-            points, forces = self._edges(touch, clamped)
-            lightest = min(masses[row[group]][0] for group, _ in sides)
-            block = np.zeros((6 * len(members), len(points)))
-            for group, sign in sides:
-                weight, center, radius = masses[row[group]]
-                acting = sign * forces.T * (lightest / weight)
-                arms = (points - center).T / radius
-                block[6 * row[group] : 6 * row[group] + 3] = acting
-                block[6 * row[group] + 3 : 6 * row[group] + 6] = np.cross(arms, acting, axis=0)
-            columns.append(block)
-
-        for (first, second), (touch, clamped) in touches.items():
-            sides = [(group, sign) for group, sign in ((first, 1.0), (second, -1.0)) if group in row]
-            if sides:
-                add(touch, clamped, sides)
+        for ends, push in pushes.items():
+            rows = [row[group] for group in ends if group in row]
+            block = np.zeros((6 * len(members), push[0].shape[1]))
+            for group, wrenches in zip(ends, push, strict=True):
+                if group in row:
+                    k = row[group]
+                    block[6 * k : 6 * k + 6] = wrenches * (weights[rows].min() / weights[k])
+            if rows:
+                columns.append(block)
         for group in members:
-            for name in groups[group]:
-                touch = self.touching.on_table(name, self.table)
-                if len(touch.points):
-                    add(touch, False, [(group, 1.0)])
-        wanted = np.tile(np.concatenate([up, np.zeros(3)]), len(members))
+            carry = self._carry(groups[group])
+            block = np.zeros((6 * len(members), carry.shape[1]))
+            block[6 * row[group] : 6 * row[group] + 6] = carry
+            columns.append(block)
         return Component(
             groups=tuple(groups[k] for k in members),
             wrenches=csc_array(np.concatenate(columns, axis=1)),
-            wanted=wanted,
+            wanted=np.tile(np.concatenate([self.table.normal, np.zeros(3)]), len(members)),
             tolerance=self.config.tolerance,
             alone=self._alone,
         )
 
-    def _mass(self, group: Sequence[str]) -> tuple[float, np.ndarray, float]:
+    def _mass(self, group: Group) -> tuple[float, Float[np.ndarray, "3"], float]:
         """Volume [m³], centre of mass in the world and radius about it [m] of a rigid group."""
-        bodies, poses = self.touching.bodies, self.touching.poses
-        volumes = np.array([bodies[name].mass_properties.volume for name in group])
-        centers = np.array([poses[name][:3, :3] @ bodies[name].mass_center + poses[name][:3, 3] for name in group])
-        center = (volumes[:, None] * centers).sum(axis=0) / volumes.sum()
-        reach = [np.linalg.norm(bodies[n].center_world(poses[n]) - center) + bodies[n].radius for n in group]
-        return float(volumes.sum()), center, float(max(reach))
+        if group not in self._masses:
+            bodies, poses = self.touching.bodies, self.touching.poses
+            volumes = np.array([bodies[name].mass_properties.volume for name in group])
+            centers = np.array([se3.apply(poses[name], bodies[name].mass_center[None])[0] for name in group])
+            center = (volumes[:, None] * centers).sum(axis=0) / volumes.sum()
+            reach = [np.linalg.norm(bodies[n].center_world(poses[n]) - center) + bodies[n].radius for n in group]
+            self._masses[group] = float(volumes.sum()), center, float(max(reach))
+        return self._masses[group]
 
     def _edges(self, touch: Touch, clamped: bool) -> tuple[np.ndarray, np.ndarray]:
         """Edges of the friction cones: the point and the force of each."""

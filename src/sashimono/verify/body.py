@@ -110,6 +110,14 @@ class SampledBody:
         """
         return self._surface.distance(points, beyond)
 
+    def gap(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the distance of each point to the surface [m], from inside too."""
+        return self._surface.gap(points)
+
+    def greatest_gap(self, triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n"]:
+        """Return for each triangle a distance from the surface that none of its points exceeds [m]."""
+        return self._surface.greatest_gap(triangles)
+
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Return which points are inside by the winding number (Jacobson et al. 2013).
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linprog
-from scipy.sparse import csr_array, lil_array, vstack
+from scipy.sparse import csr_array, vstack
 
 from sashimono.geometry import se3
 from sashimono.plan import Fixture, Step, Table
@@ -153,12 +153,12 @@ class PlacedParts:
         signed = zip(pair, (1.0, -1.0), strict=True)
         sides = [(place[name], sign) for name, sign in signed if name is not None and name in place]
         least = min(weights[k] for k, _ in sides)
-        work = lil_array((len(points), 6 * len(masses)))
+        work = np.zeros((len(points), 6 * len(masses)))
         for k, sign in sides:
             _, center, radius = masses[k]
             wrenches = np.concatenate([forces, np.cross(points - center, forces) / radius], axis=1)
             work[:, 6 * k : 6 * k + 6] = sign * least / weights[k] * wrenches
-        return work.tocsr()
+        return csr_array(work)
 
     def _sinking(self, work: Sequence[csr_array], count: int, up: np.ndarray) -> np.ndarray:
         """Which groups sink in the worst motion: maximise what sinks, such that no touching force does negative work.

@@ -47,12 +47,14 @@ def intersection(
     T_fixed_moving: Float[np.ndarray, "4 4"],
     *,
     most_points: int = _POINTS,
+    enough: float = 0.0,
     excuse: Excuse | None = None,
     tolerance: float = 0.0,
 ) -> MeasuredOverlap:
     """Return the intersection body's volume and how deep its surface lies in either of the two.
 
-    With an excuse, the depth is what that leaves of it.
+    A depth of ``enough`` [m] and less need not be the greatest there is; the greatest is no more than that either.
+    With an excuse, the depth is what that leaves.
     """
     if moving.solid is None or fixed.solid is None:
         return MeasuredOverlap(volume=0.0, depth=0.0, exact=False)
@@ -64,52 +66,72 @@ def intersection(
 
     def depth(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         # each point lies on one surface and within the other body: the greater distance, whatever its sign, counts
-        in_moving = np.abs(moving.distance(np.ascontiguousarray(se3.apply(T_moving_fixed, points))))
-        depths = np.maximum(in_moving, np.abs(fixed.distance(np.ascontiguousarray(points))))
+        depths = np.maximum(moving.gap(se3.apply(T_moving_fixed, points)), fixed.gap(points))
         return depths if excuse is None else -excuse.eased(points, -depths, tolerance)
+
+    def most(triangles: Float[np.ndarray, "triangle 3 3"]) -> Float[np.ndarray, "triangle"]:
+        # an excuse only takes off
+        seen = se3.apply(T_moving_fixed, triangles.reshape(-1, 3)).reshape(triangles.shape)
+        return np.maximum(moving.greatest_gap(seen), fixed.greatest_gap(triangles))
 
     surface = common.to_mesh64()
     points = np.asarray(surface.vert_properties)[:, :3]
     triangles = np.asarray(surface.tri_verts).astype(np.int64)
     accuracy = _ACCURACY * min(moving.smallest_extent, fixed.smallest_extent)
-    return MeasuredOverlap(volume=volume, depth=_greatest(depth, points, triangles, accuracy, most_points), exact=True)
+    greatest = _greatest(depth, most, points, triangles, accuracy, most_points, enough)
+    return MeasuredOverlap(volume=volume, depth=greatest, exact=True)
 
 
 def _greatest(
     depth: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, "n"]],
+    most: Callable[[Float[np.ndarray, "triangle 3 3"]], Float[np.ndarray, "triangle"]],
     points: Float[np.ndarray, "n 3"],
     triangles: Int[np.ndarray, "triangle 3"],
     accuracy: float,
     most_points: int,
+    enough: float,
 ) -> float:
-    """Return the greatest depth over some triangles; it changes by no more than the way from a point to the next.
+    """Return the greatest depth over some triangles, of which ``most`` gives upper bounds.
 
-    No point is farther from its triangle's nearest corner than the longest edge over √3. So triangles are halved, at
-    that edge, only while they may hold a depth greater by ``accuracy`` than the greatest seen,
-    the most promising first.
+    Depth changes by no more than the way from a point to the next, and no point is farther from its triangle's nearest
+    corner than the longest edge over √3. So triangles are halved, at that edge, only while they may hold a depth
+    greater than ``enough``, and by ``accuracy`` than the greatest seen, the most promising first.
     """
     depths = depth(points)
     corners, at_corners = points[triangles], depths[triangles]
+    bounds = np.minimum(_by_way(corners, at_corners), most(corners))
     found, looked = float(depths.max()), len(points)
     while looked < most_points:
-        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        bounds = at_corners.max(axis=1) + edges.max(axis=1) / np.sqrt(3.0)
-        order = np.argsort(-bounds, kind="stable")[: int((bounds > found + accuracy).sum())]
-        if not len(order):
+        open_ = np.flatnonzero(bounds > max(found + accuracy, enough))
+        if not len(open_):
             break
+        order = open_[np.argsort(-bounds[open_], kind="stable")]
         now, later = order[:_BATCH], order[_BATCH:]
-        turned = (edges[now].argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest edge first
+        edges = np.linalg.norm(np.roll(corners[now], -1, axis=1) - corners[now], axis=2)
+        turned = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest edge first
         a, b, c = np.moveaxis(np.take_along_axis(corners[now], turned[:, :, None], axis=1), 1, 0)
         at_a, at_b, at_c = np.take_along_axis(at_corners[now], turned, axis=1).T
         middles = 0.5 * (a + b)
         at_middles = depth(middles)
         looked += len(middles)
         found = max(found, float(at_middles.max()))
-        halves = [np.stack([a, middles, c], axis=1), np.stack([middles, b, c], axis=1)]
-        at_halves = [np.stack([at_a, at_middles, at_c], axis=1), np.stack([at_middles, at_b, at_c], axis=1)]
-        corners = np.concatenate([corners[later], *halves])
-        at_corners = np.concatenate([at_corners[later], *at_halves])
+        halves = np.concatenate([np.stack([a, middles, c], axis=1), np.stack([middles, b, c], axis=1)])
+        at_halves = np.concatenate(
+            [np.stack([at_a, at_middles, at_c], axis=1), np.stack([at_middles, at_b, at_c], axis=1)]
+        )
+        of_halves = np.minimum(np.tile(bounds[now], 2), np.minimum(_by_way(halves, at_halves), most(halves)))
+        corners = np.concatenate([corners[later], halves])
+        at_corners = np.concatenate([at_corners[later], at_halves])
+        bounds = np.concatenate([bounds[later], of_halves])
     return found
+
+
+def _by_way(
+    corners: Float[np.ndarray, "triangle 3 3"], at_corners: Float[np.ndarray, "triangle 3"]
+) -> Float[np.ndarray, "triangle"]:
+    """Upper bounds of the depth in triangles, by the way from the deepest corner."""
+    edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    return at_corners.max(axis=1) + edges.max(axis=1) / np.sqrt(3.0)
 
 
 def sampled_depth(moving: SampledBody, fixed: SampledBody, T_fixed_moving: Float[np.ndarray, "4 4"]) -> float:
@@ -159,7 +181,7 @@ class Excuse:
             distances: Their signed distances to the other surface [m].
             tolerance: Depth that needs no excuse [m].
         """
-        return self._off(distances, self._room(points), tolerance)
+        return self._off(distances, self._room(points, distances + tolerance), tolerance)
 
     def ease_moving(self, tolerance: float) -> Ease:
         """Return the same for points of the moving part, as a sweep asks for it."""
@@ -167,14 +189,18 @@ class Excuse:
 
     def ease_fixed(self, tree: BallTree, tolerance: float) -> Ease:
         """Return the same for points of the fixed part, which stay where they are."""
-        room = self._room(tree.centers)
+        room = self._room(tree.centers, np.full(len(tree.centers), -np.inf))
         return lambda node, points, distances: self._off(distances, room[node], tolerance)
 
-    def _room(self, points: np.ndarray) -> Float[np.ndarray, "n"]:
-        """How much farther from the overlap a point could be and still be excused."""
+    def _room(self, points: np.ndarray, least: np.ndarray) -> Float[np.ndarray, "n"]:
+        """How much farther from the overlap a point could be and still be excused, where that is more than least."""
         if not self.places:
             return np.full(len(points), np.inf)
-        return np.max([place.reach - place.distance(points) for place in self.places], axis=0)
+        room = least.copy()
+        for place in self.places:
+            near = np.flatnonzero(place.reach - place.box_distance(points) > room)
+            room[near] = np.maximum(room[near], place.reach - place.distance(points[near]))
+        return room
 
     def _off(self, distances: np.ndarray, room: np.ndarray, tolerance: float) -> Float[np.ndarray, "n"]:
         return np.maximum(distances, np.minimum(distances + self.depth, room - tolerance))
@@ -187,8 +213,14 @@ class OverlapPlace:
         mesh = piece.to_mesh64()
         vertices = np.ascontiguousarray(np.asarray(mesh.vert_properties)[:, :3])
         self._surface = Surface(vertices, np.asarray(mesh.tri_verts).astype(np.int64))
+        self._low, self._high = vertices.min(axis=0), vertices.max(axis=0)
         self.reach = max(least, float(np.linalg.norm(np.ptp(vertices, axis=0))))
         """How far from it this piece excuses anything [m]: as far as it is large."""
+
+    def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+        """Return the distance of each point to the piece's box [m]: no more than to the piece."""
+        outside = np.maximum(np.maximum(self._low - points, points - self._high), 0.0)
+        return np.linalg.norm(outside, axis=1)
 
     def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the piece's surface [m], also from inside."""

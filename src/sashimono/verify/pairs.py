@@ -21,7 +21,7 @@ class PairFinding:
 
     against: str
     depth: float
-    """Deepest penetration found [m], not below 0."""
+    """Deepest penetration found [m], not below 0. Within the tolerance there may be a deeper one, also within it."""
     allowed: float
     """Depth in the assembled pose, where it was needed, plus the tolerance [m]."""
     pose: float
@@ -251,7 +251,7 @@ class _Pair:
             low, high = self._moving.box_in(T)
             if (low > self._fixed.high).any() or (high < self._fixed.low).any():
                 continue
-            common = intersection(self._moving, self._fixed, T)
+            common = intersection(self._moving, self._fixed, T, enough=self._tolerance)
             if not common.exact:
                 return depth, at, (f"no boolean could be taken with {self._fixed.name}: samples only",)
             if common.depth > depth:
@@ -274,8 +274,9 @@ class _Pair:
         """Return whether, at this time, the intersection body is too deep too far from the overlap as assembled."""
         if not excuse.places:
             return False
-        left = intersection(self._moving, self._fixed, self._pose(time), excuse=excuse, tolerance=self._tolerance)
-        return left.depth > self._tolerance
+        T, tolerance = self._pose(time), self._tolerance
+        left = intersection(self._moving, self._fixed, T, excuse=excuse, tolerance=tolerance, enough=tolerance)
+        return left.depth > tolerance
 
     def _pose(self, time: float) -> Float[np.ndarray, "4 4"]:
         stretch = min(int(time), len(self._seen.angle) - 1)

@@ -66,6 +66,14 @@ class Surface:
         """Return the distance of each point to the surface [m], from inside too."""
         return _gaps(np.ascontiguousarray(points, dtype=np.float64), *self._tree)
 
+    def greatest_gap(self, triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n"]:
+        """Return for each triangle a distance from the surface that none of its points exceeds [m].
+
+        It is that of the corner farthest from one face: distance from a convex set is convex, and greatest at a corner.
+        The face is the one nearest to the triangle's middle.
+        """
+        return _greatest_gaps(np.ascontiguousarray(triangles, dtype=np.float64), *self._tree)
+
     def first_hit(
         self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
     ) -> Float[np.ndarray, "n"]:
@@ -336,6 +344,21 @@ def _gaps(points, boxes, starts, triangles, normals):  # pragma: no cover - comp
     out = np.empty(len(points))
     for k in range(len(points)):
         squared, _, _, _, _ = _nearest(points[k, 0], points[k, 1], points[k, 2], np.inf, boxes, starts, triangles)
+        out[k] = np.sqrt(squared)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _greatest_gaps(corners, boxes, starts, triangles, normals):  # pragma: no cover - compiled
+    out = np.empty(len(corners))
+    for k in range(len(corners)):
+        x, y, z = corners[k, :, 0].mean(), corners[k, :, 1].mean(), corners[k, :, 2].mean()
+        _, face, _, _, _ = _nearest(x, y, z, np.inf, boxes, starts, triangles)
+        squared = 0.0
+        for m in range(3):
+            x, y, z = corners[k, m, 0], corners[k, m, 1], corners[k, m, 2]
+            px, py, pz = _closest_on(x, y, z, triangles[face])
+            squared = max(squared, (x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2)
         out[k] = np.sqrt(squared)
     return out
 

@@ -67,6 +67,8 @@ class Blocking:
         self._masks: dict[tuple[int, int], tuple[int, int]] = {}
         self._stopped: dict[tuple[int, int], int] = {}
         """By part and direction: the parts that some look has found to stop it so far. It makes a no come faster."""
+        self._passed: dict[tuple[int, int], int] = {}
+        """By part and direction: the parts that it was found to pass so far. It makes a yes come faster."""
 
     def __len__(self) -> int:
         return len(self.parts)
@@ -107,14 +109,28 @@ class Blocking:
 
     def is_free(self, part: int, direction_index: int, among: int) -> bool:
         """Return whether this part can go to infinity along a direction past all of ``among``."""
-        among &= ~(1 << part)
-        blocked, unclear = self.masks(part, direction_index)
-        if (blocked | self._stopped.get((part, direction_index), 0)) & among:
-            return False
-        for other in bits(unclear & among):
+        known = self.known(part, direction_index, among)
+        if known is not None:
+            return known
+        passed = self._passed.get((part, direction_index), 0)
+        among &= ~(1 << part | passed)
+        for other in bits(self.masks(part, direction_index)[1] & among):
             if self.is_blocked_by(part, direction_index, other):
                 return False
-        return all(self.passes(part, direction_index, other) for other in bits(among))
+        if not all(self.passes(part, direction_index, other) for other in bits(among)):
+            return False
+        self._passed[part, direction_index] = passed | among
+        return True
+
+    def known(self, part: int, direction_index: int, among: int) -> bool | None:
+        """Return what `is_free` would, as far as it is known without a further look; None if it is not."""
+        if self.known_blockers(part, direction_index) & among & ~(1 << part):
+            return False
+        return None if among & ~(1 << part | self._passed.get((part, direction_index), 0)) else True
+
+    def known_blockers(self, part: int, direction_index: int) -> int:
+        """Return the mask of the parts that by the coarse maps, or any closer look so far, stop this part."""
+        return self.masks(part, direction_index)[0] | self._stopped.get((part, direction_index), 0)
 
     def is_blocked_by(self, part: int, direction_index: int, other: int) -> bool:
         """Return whether ``other`` stops this part, by the maps (second look where the first left it open)."""

@@ -63,6 +63,7 @@ class OrderScene:
         self._close_fits = close_fits
         self._fastener_mask = sum(1 << k for k in self.fasteners)
         self._slides: dict[tuple[int, int, bytes], float] = {}
+        self._strung_along: dict[tuple[int, bytes], int] = {}
         self._lines: dict[int, Float[np.ndarray, "line 3"]] = {}
         self._bounds: dict[bytes, Float[np.ndarray, "part 2"]] = {}
         self._tools: dict[int, tuple[ToolWay, ...]] = {}
@@ -148,6 +149,12 @@ class OrderScene:
 
     def _strung(self, part: int, direction: Float[np.ndarray, "3"]) -> int:
         """Mask of the parts that have a close fit with something on the line of a part's fit along a direction."""
+        key = (part, direction.tobytes())
+        if key not in self._strung_along:
+            self._strung_along[key] = self._find_strung(part, direction)
+        return self._strung_along[key]
+
+    def _find_strung(self, part: int, direction: Float[np.ndarray, "3"]) -> int:
         own = [fit for fit in self._close_fits if self.names[part] in (fit.part, fit.other)]
         own = [fit for fit in own if abs(float(np.array(fit.axis) @ direction)) > 0.9999]
         found, partners = 0, 1 << part

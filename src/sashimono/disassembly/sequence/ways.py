@@ -86,8 +86,6 @@ class Lines:
     """What was found of straight lines past any set of parts: the same for every table, order and refusal."""
 
     def __init__(self) -> None:
-        self.free: dict[tuple[int, int], list[int]] = {}
-        """By part and direction: masks of others past which it leaves."""
         self.ploughs: dict[tuple[int, int, int], bool] = {}
         """By part, other part and direction: whether it goes through what the two share."""
 
@@ -125,7 +123,7 @@ class Ways:
         self._above = above
         blocking = cascade.blocking
         self.directions = [blocking.direction(s) for s in range(blocking.count_directions)]
-        self._ranked: dict[int, list[tuple[tuple[int, int], int, int]]] = {}
+        self._ranked: dict[int, list[tuple[tuple[int, int], int]]] = {}
         self._best: dict[tuple[int, int], tuple[int, tuple[int, int]] | None] = {}
         self._lines = lines
 
@@ -144,8 +142,10 @@ class Ways:
         """Return the best way that no map contradicts: quick, for a first look; it may not be free."""
         others = remaining & ~unit.members
         if unit.is_movable:
-            for _, s, blockers in self._ranking(unit.members):
-                if not blockers & others and not is_refused(self._refused, unit.members, s, others):
+            for _, s in self._ranking(unit.members):
+                if not self._blockers_by_maps(unit.members, s) & others and not is_refused(
+                    self._refused, unit.members, s, others
+                ):
                     return Way(direction_index=s, exit_direction=self.directions[s])
         return self._known(unit, others)
 
@@ -155,17 +155,10 @@ class Ways:
         What would take more tracing than is left counts as not free.
         """
         blocking = self._cascade.blocking
-        if blocking.masks(part, direction_index)[0] & others:
-            return False
-        known = self._lines.free.setdefault((part, direction_index), [])
-        if any(others & ~free == 0 for free in known):
-            return True
-        if not self._work.allows(part, direction_index, others):
-            return False
-        if blocking.is_free(part, direction_index, others):
-            known.append(others)
-            return True
-        return False
+        known = blocking.known(part, direction_index, others)
+        if known is not None:
+            return known
+        return self._work.allows(part, direction_index, others) and blocking.is_free(part, direction_index, others)
 
     def _known(self, unit: Unit, others: int) -> Way | None:
         """The way in which a unit left in the order that was found first, if it is good for these others."""
@@ -195,7 +188,7 @@ class Ways:
         best = self._best[key]
         if best is None or last is None or best[0] == last:
             return None if best is None else best[0]
-        rank = next((r for r, s, _ in self._ranking(members) if s == last), None)
+        rank = next((r for r, s in self._ranking(members) if s == last), None)
         alike = rank == best[1] and self._leaves(members, last, others)
         alike = alike and not self._is_ploughing(members, last, others)
         return last if alike else best[0]
@@ -205,10 +198,10 @@ class Ways:
 
         A direction that is no axis of the part is asked only where it is not known how else the part leaves.
         """
-        members, ploughing = unit.members, None
+        members, parts, ploughing = unit.members, bits(unit.members), None
         is_known = self._known(unit, others) is not None
-        for rank, s, blockers in self._ranking(members):
-            if blockers & others or (rank[1] and is_known):
+        for rank, s in self._ranking(members):
+            if (rank[1] and is_known) or self._known_blockers(parts, s) & others:
                 continue
             if self._is_ploughing(members, s, others):
                 if ploughing is None and self._leaves(members, s, others):
@@ -236,9 +229,8 @@ class Ways:
                     return True
         return False
 
-    def _ranking(self, members: int) -> list[tuple[tuple[int, int], int, int]]:
-        """The directions that a part, or a product, may take, best first, each with a rank that equally good ones
-        share, and the mask of the parts that block it by the coarse maps.
+    def _ranking(self, members: int) -> list[tuple[tuple[int, int], int]]:
+        """The directions that a part, or a product, may take, best first, with a rank that equally good ones share.
 
         First a fastener's own axis. Then up, sideways, down; in each, the axes of the part's own faces and holes before
         all others, and the steeper before the flatter.
@@ -261,13 +253,20 @@ class Ways:
                 # sideways and down, the axis that is level, or straight down, is not worse than one that leans up
                 lean = -along if level <= 0 else abs(along) if level == 1 else along
                 found.append(((level, feature), round(lean, 6), s))
-            self._ranked[members] = [(rank, s, self._blockers(parts, s)) for rank, _, s in sorted(found)]
+            self._ranked[members] = [(rank, s) for rank, _, s in sorted(found)]
         return self._ranked[members]
 
-    def _blockers(self, parts: Sequence[int], direction_index: int) -> int:
+    def _blockers_by_maps(self, members: int, direction_index: int) -> int:
+        """Mask of the parts that block these by the coarse maps."""
+        mask = 0
+        for part in bits(members):
+            mask |= self._cascade.blocking.masks(part, direction_index)[0]
+        return mask
+
+    def _known_blockers(self, parts: Sequence[int], direction_index: int) -> int:
         mask = 0
         for part in parts:
-            mask |= self._cascade.blocking.masks(part, direction_index)[0]
+            mask |= self._cascade.blocking.known_blockers(part, direction_index)
         return mask
 
 
