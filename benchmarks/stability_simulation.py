@@ -38,6 +38,7 @@ from stability import plan_of
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.geometry import se3
+from sashimono.geometry.body import Body
 from sashimono.io.read import read_assembly
 from sashimono.plan import AssemblyPlan, Step, Table, step_tables
 from sashimono.stability import StabilityConfig, Touching
@@ -217,9 +218,7 @@ class Scene:
     def _pieces_of(self, name: str) -> list[np.ndarray]:
         if name not in self._pieces:
             body = self._bodies[name]
-            shrunk = [
-                shrunken(piece, SHRUNK * body.smallest_extent) for piece in convex_pieces(body.vertices, body.faces)
-            ]
+            shrunk = [shrunken(piece, SHRUNK * body.smallest_extent) for piece in convex_pieces(body)]
             self._pieces[name] = [piece for piece in shrunk if piece is not None]
         return self._pieces[name]
 
@@ -284,16 +283,25 @@ def _numbers(values: np.ndarray) -> str:
     return " ".join(f"{value:.9g}" for value in values.reshape(-1))
 
 
-def convex_pieces(points: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
-    """Return the corners of convex pieces that make up a body."""
+def convex_pieces(body: Body) -> list[np.ndarray]:
+    """Return the corners of convex pieces that make up a body.
+
+    What the decomposition takes for no manifold it first draws anew on a grid. Where pieces then stick out so far that
+    no case could be compared, the body is cut as it is, which can take minutes.
+    """
     import coacd
 
     coacd.set_log_level("error")
-    scale = 1.0 / float(np.ptp(points, axis=0).max())  # it works in lengths of about one
-    # bodies are closed: drawn anew on a grid, their faces would be off by half a cell
-    search = {"preprocess_mode": "off", "resolution": 1000, "mcts_iterations": 60, "mcts_max_depth": 2, "seed": 0}
-    found = coacd.run_coacd(coacd.Mesh(points * scale, faces), threshold=0.02, **search)
-    return [np.asarray(corners) / scale for corners, _ in found if len(corners) >= 4]
+    scale = 1.0 / float(np.ptp(body.vertices, axis=0).max())  # it works in lengths of about one
+    search = {"preprocess_resolution": 40, "resolution": 1000, "mcts_iterations": 60, "mcts_max_depth": 2, "seed": 0}
+    mesh = coacd.Mesh(scale * body.vertices, body.faces)
+    pieces: list[np.ndarray] = []
+    for mode in ("auto", "off"):
+        found = coacd.run_coacd(mesh, threshold=0.02, preprocess_mode=mode, **search)
+        pieces = [np.asarray(corners) / scale for corners, _ in found if len(corners) >= 4]
+        if float(body.signed_distance.query(np.concatenate(pieces)).max()) <= INSIDE * body.smallest_extent:
+            break
+    return pieces
 
 
 def shrunken(corners: np.ndarray, by: float) -> np.ndarray | None:
