@@ -26,7 +26,7 @@ from sashimono.disassembly.sequence.order import Orderer
 from sashimono.disassembly.sequence.products import Products
 from sashimono.errors import SashimonoError
 from sashimono.fits.config import FitConfig
-from sashimono.fits.find import find_fits, planned_depths
+from sashimono.fits.find import FitFinder, find_fits, planned_depths
 from sashimono.geometry.body import Body, SampleConfig
 from sashimono.geometry.mesh.measures import smallest_extent
 from sashimono.motion import MotionConfig
@@ -149,21 +149,45 @@ def plan_assembly(
     if config.method == "cascade" and config.sequence.products.enabled and assembly.products:
         with clock.stage("sequence"):
             products = orderer.products
-    best = _best_attempt(planner, verifier, cascade, orderer, products, config, seed, progress)
-    if best.unsolved and products.groups:
-        side_by_side = replace(products, groups=())
-        flat = _best_attempt(planner, verifier, cascade, orderer, side_by_side, config, seed, progress)
-        if flat.worth > best.worth:
-            reason = f"as one it could not be planned: {best.unsolved[0].part}: {best.unsolved[0].reason}"
-            taken = replace(flat.taken, apart={group.name: reason for group in products.groups})
-            best, products = replace(flat, taken=taken), side_by_side
-    fits = _find_fits(cascade, best, config, clock)
-    if fits:
-        giving = cascade.with_fits(planned_depths(assembly, fits, config=config.fits))
-        bending = Orderer(giving, bodies, config=sequence, stability=config.stability)
-        found = _best_attempt(planner, verifier, giving, bending, products, config, seed, progress, fits)
-        if found.worth[0] > best.worth[0]:
-            best, orderer = found, bending
+    finder = FitFinder(cascade.parts, config=config.fits)
+    bent: dict[tuple[DeclaredFit, ...], tuple[_Attempt, Orderer]] = {}
+
+    def bend(found: DisassemblyResult, unsolved: Sequence[str] = ()) -> tuple[_Attempt, Orderer] | None:
+        """The best plan with the fits with which what is left over may come apart; None if there are none."""
+        with clock.stage("fits"):
+            fits = find_fits(finder, assembly, found, unsolved)
+        if fits and fits not in bent:
+            giving = cascade.with_fits(planned_depths(assembly, fits, config=config.fits))
+            bending = Orderer(giving, bodies, config=sequence, stability=config.stability)
+            known = _best_attempt(planner, verifier, giving, bending, products, config, seed, progress, fits=fits)
+            bent[fits] = known, bending
+        return bent.get(fits)
+
+    def counted(done: int) -> None:
+        progress("sequence", done, len(assembly) - 1)
+
+    may_bend = config.fits.enabled and config.method == "cascade"
+    first, with_fits = None, None
+    if may_bend and not products.groups:
+        with clock.stage("sequence"):
+            first = find_disassembly(cascade, config=config.sequence, progress=counted)
+        # a complete plan with fits spares the motions of one that leaves parts out
+        with_fits = bend(first) if any(level.stuck for level in first.levels()) else None
+    if with_fits is not None and not with_fits[0].unsolved:
+        best, orderer = with_fits
+    else:
+        best = _best_attempt(planner, verifier, cascade, orderer, products, config, seed, progress, first=first)
+        if best.unsolved and products.groups:
+            side_by_side = replace(products, groups=())
+            flat = _best_attempt(planner, verifier, cascade, orderer, side_by_side, config, seed, progress)
+            if flat.worth > best.worth:
+                reason = f"as one it could not be planned: {best.unsolved[0].part}: {best.unsolved[0].reason}"
+                taken = replace(flat.taken, apart={group.name: reason for group in products.groups})
+                best, products = replace(flat, taken=taken), side_by_side
+        left_over = [entry.part for entry in best.unsolved]
+        with_fits = bend(best.taken.found, left_over) if left_over and may_bend else None
+        if with_fits is not None and with_fits[0].worth[0] > best.worth[0]:
+            best, orderer = with_fits
     return _plan(assembly, bodies, orderer, verifier, best, config, seed, clock)
 
 
@@ -176,13 +200,17 @@ def _best_attempt(
     config: PipelineConfig,
     seed: int,
     progress: Progress,
+    first: DisassemblyResult | None = None,
     fits: tuple[DeclaredFit, ...] = (),
 ) -> _Attempt:
-    """Return the best of a few attempts, each of which does without what failed in those before."""
+    """Return the best of a few attempts, each of which does without what failed in those before.
+
+    ``first`` is what level 1 finds with nothing refused, if that is known.
+    """
     _, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
     refused: frozenset[Refusal] = frozenset()
     best: _Attempt | None = None
-    known: DisassemblyResult | None = None
+    known = first
     given_up = False
     refutations: dict[str, str] = {}
     for_contacts = config.contact_attempts if config.contacts else 0
@@ -251,8 +279,7 @@ class _Attempt:
     def left_out(self) -> bool:
         """Whether a part is unsolved that level 1 took apart."""
         found = self.taken.found
-        levels = [found, *(d.inside for d in found.departures() if d.inside is not None)]
-        stuck = sum(len(level.stuck) for level in levels)
+        stuck = sum(len(level.stuck) for level in found.levels())
         return len(self.unsolved) > stuck
 
     @property
@@ -328,15 +355,6 @@ def _attempt(
         verified=not (report.problems or unsolved),
         fits=_needed(fits, steps, report.steps),
     )
-
-
-def _find_fits(cascade: Cascade, best: _Attempt, config: PipelineConfig, clock: _Clock) -> tuple[DeclaredFit, ...]:
-    """Return the fits with which the parts that hold one another may come apart; none where nothing is left over."""
-    if not (best.unsolved and config.fits.enabled and config.method == "cascade"):
-        return ()
-    with clock.stage("fits"):
-        unsolved = [entry.part for entry in best.unsolved]
-        return find_fits(cascade.parts, best.taken.found, unsolved, config=config.fits)
 
 
 def _needed(

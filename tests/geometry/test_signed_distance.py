@@ -44,16 +44,16 @@ def test_march_stops_where_the_limit_is_passed() -> None:
     tree, _, _ = surface(box((2.0, 2.0, 2.0)))
     start, along = np.array([[-5.0, 0.0, 0.0]]), np.array([1.0, 0.0, 0.0])
     options = {"length": 20.0, "least_step": 1e-4}
-    assert advance_straight(tree, start, along, limit=0.25, **options) == pytest.approx(4.25, abs=2e-4)
-    assert advance_straight(tree, start, along, limit=1.01, **options) == np.inf
-    assert advance_straight(tree, start, -along, limit=0.0, **options) == np.inf
-    assert advance_straight(tree, start, along, length=4.0, limit=0.25, least_step=1e-4) == np.inf
+    assert advance_straight(tree, start, along, limit=0.25, **options)[0] == pytest.approx(4.25, abs=2e-4)
+    assert advance_straight(tree, start, along, limit=1.01, **options)[0] == np.inf
+    assert advance_straight(tree, start, -along, limit=0.0, **options)[0] == np.inf
+    assert advance_straight(tree, start, along, length=4.0, limit=0.25, least_step=1e-4)[0] == np.inf
 
 
 def test_march_does_not_jump_a_thin_sheet() -> None:
     tree, _, _ = surface(box((1e-3, 1.0, 1.0)))
     start, along = np.array([[-0.7, 0.013, -0.2]]), np.array([1.0, 0.0, 0.0])
-    assert advance_straight(tree, start, along, length=2.0, limit=1e-4, least_step=1e-4) == pytest.approx(
+    assert advance_straight(tree, start, along, length=2.0, limit=1e-4, least_step=1e-4)[0] == pytest.approx(
         0.6996, abs=2e-4
     )
 
@@ -81,7 +81,7 @@ def test_march_slides_along_walls_of_a_hole() -> None:
     turn = 2.0 * np.pi * np.arange(48) / 48
     rim = np.stack([np.cos(turn), np.sin(turn), np.full(48, 4.9)], axis=1)
     down = np.array([0.0, 0.0, -1.0])
-    travel = advance_straight(tree, rim, down, length=20.0, limit=1e-3, least_step=1e-2)
+    travel = advance_straight(tree, rim, down, length=20.0, limit=1e-3, least_step=1e-2)[0]
     assert travel == pytest.approx(6.9, abs=2e-2)
     through, _, _ = surface(box((4.0, 4.0, 10.0)) - rod(1.0, 12.0))
-    assert advance_straight(through, rim, down, length=20.0, limit=1e-3, least_step=1e-2) == np.inf
+    assert advance_straight(through, rim, down, length=20.0, limit=1e-3, least_step=1e-2)[0] == np.inf

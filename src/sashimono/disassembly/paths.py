@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.straying import first_astray
@@ -142,7 +142,7 @@ class Paths:
         apart = parts.tolerances.parted * parts.scale(self.part, other)
         parted = False
         for a, twist in _stretches(displacements):
-            if not parted and np.isfinite(first_astray(parts, self.part, other, a, twist)):
+            if not parted and np.isfinite(first_astray(parts, self.part, other, a, twist, enough=np.inf)):
                 return False
             rate, T_start = self.rate(a, twist), a @ self.T_assembled
             start = 0.0
@@ -178,7 +178,7 @@ class Paths:
         """Return an upper bound of the way of any point [m] along the twist, u from 0 to 1."""
         center = se3.apply(D, self.center[None])[0]
         v, w = twist[:3], twist[3:]
-        return float(np.linalg.norm(v + np.cross(w, center)) + np.linalg.norm(w) * self.body.radius)
+        return float(np.linalg.norm(v + se3.cross(w, center)) + np.linalg.norm(w) * self.body.radius)
 
     def near(
         self, D: Float[np.ndarray, "4 4"], *, twist: Float[np.ndarray, "6"] | None = None, margin: float = 0.0
@@ -285,7 +285,7 @@ def hit_by_removal(parts: PlacedParts, part: int, removal: Removal, among: Seque
         for leg, (start, stop) in enumerate(pairwise(stops)):
             length = np.inf if leg == len(stops) - 2 else float(np.linalg.norm(stop - start))
             direction = (stop - start) / np.linalg.norm(stop - start)
-            if np.isfinite(free_travel(parts, part, start, direction, other, length=length)):
+            if not passes(parts, part, start, direction, other, length=length):
                 mask |= 1 << other
                 break
     return mask

@@ -15,7 +15,7 @@ from sashimono.disassembly.masks import bits
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.tolerances import Tolerances
 from sashimono.geometry import se3
-from sashimono.geometry.body import Body, mutual_depth
+from sashimono.geometry.body import Body, DeepestProbe, mutual_depth
 from sashimono.geometry.distance.signed_distance import SignedDistance
 from sashimono.geometry.features.directions import (
     DirectionConfig,
@@ -84,8 +84,14 @@ class PlacedParts:
         """The lines that all parts give, heaviest first; without the world's axes."""
         self.lines = merge_directions([(np.eye(3), np.full(3, 1e3)), *own], config=config.directions)
         """The world's axes, then the lines that all parts give."""
-        self._places: dict[tuple[int, int], tuple[OverlapPlace, ...]] = {}
         self._known: dict[tuple[object, ...], object] = {}
+        """What was worked out of the shapes alone; parts with other fits share it."""
+        self.stoppers: dict[tuple[int, int], list[tuple[bool, int]]] = {}
+        """By pair: probes, of the first part or the other one, that stopped the first on a straight way.
+        They tell no answer; asked first, they make a no come faster (`free_travel`)."""
+
+        self.strayed: dict[tuple[int, int], int] = {}
+        """By pair: the probe of the first part that strayed last (`first_astray`); the same."""
 
     def __len__(self) -> int:
         return len(self.bodies)
@@ -93,7 +99,7 @@ class PlacedParts:
     def with_fits(self, fits: Mapping[tuple[int, int], float]) -> PlacedParts:
         """Return the same parts, of which these pairs may go so deep into each other anywhere [m]."""
         other = copy.copy(self)
-        other.fits, other._places, other._known = np.zeros_like(self.overlaps), {}, {}
+        other.fits = np.zeros_like(self.overlaps)
         for (a, b), depth in fits.items():
             other.fits[a, b] = other.fits[b, a] = depth
         return other
@@ -139,17 +145,19 @@ class PlacedParts:
         An overlap that is shallow beside both parts and their walls is an excuse anywhere, and so is one of which no
         boolean can be taken, and one that is no deeper than a declared fit.
         """
-        key = (min(a, b), max(a, b))
-        if key not in self._places:
-            self._places[key] = self._overlap_places(*key)
-        return self._places[key]
+        first, second = min(a, b), max(a, b)
+        limits, depth = self.tolerances, float(self.overlaps[a, b])
+        near = limits.shallow * self.smaller_size(a, b)
+        shallow = max(self.fits[a, b], min(near, limits.shallow_wall * min(self._walls[a], self._walls[b])))
+        if depth <= shallow:
+            return ()
+        return self.once(("places", first, second), lambda: self._overlap_places(first, second))
 
     def _overlap_places(self, a: int, b: int) -> tuple[OverlapPlace, ...]:
         limits, depth = self.tolerances, float(self.overlaps[a, b])
         near = limits.shallow * self.smaller_size(a, b)
         solids = [self.bodies[k].solid for k in (a, b)]
-        shallow = max(self.fits[a, b], min(near, limits.shallow_wall * min(self._walls[a], self._walls[b])))
-        if depth <= shallow or None in solids:
+        if None in solids:
             return ()
         placed = [
             solid.transform(np.ascontiguousarray(self.poses[k][:3]))
@@ -166,8 +174,13 @@ class PlacedParts:
             out.append(OverlapPlace(field=field, reach=reach))
         return tuple(out)
 
+    def deepest_assembled(self, a: int, b: int) -> DeepestProbe:
+        """Return the deepest probe of a pair in each other as assembled."""
+        T_b_a = se3.inverse(self.poses[b]) @ self.poses[a]
+        return self.once(("deepest", a, b), lambda: DeepestProbe(self.bodies[a], self.bodies[b], T_b_a))
+
     def once(self, key: tuple[object, ...], make: Callable[[], T]) -> T:
-        """Return what ``make`` returns; worked out once for each key, which says all that it depends on."""
+        """Return what ``make`` returns; worked out once for each key, which says all that it depends on, fits apart."""
         if key not in self._known:
             self._known[key] = make()
         return cast(T, self._known[key])

@@ -24,11 +24,14 @@ def first_astray(
     other: int,
     D: Float[np.ndarray, "4 4"],
     twist: Float[np.ndarray, "6"],
+    *,
+    enough: float = 0.0,
 ) -> float:
     """Return the u in [0, 1] at which a part moved by ``exp(u twist) @ D`` is first astray; infinite if it never is.
 
     It is astray where a probe of either part is deeper in the other than translations may be, and farther from each
-    place of their overlap than that is an excuse. D is from the assembled pose; both are in the world frame.
+    place of their overlap than that is an excuse. D is from the assembled pose; both are in the world frame. Of a u of
+    at most ``enough`` no more is told than that: what comes back is between the two.
     """
     places = parts.overlap_places(part, other)
     if not places:
@@ -42,16 +45,25 @@ def first_astray(
     # of points on one helix, as `Paths` has it
     cells = np.full(max(len(far), len(a.probes)), 0.25 * parts.tolerances.turning * parts.scale(part, other))
     stops = shared_stops(seen, back, cells[: len(seen)])
-    first, _ = advance_along_screw(a.signed_distance, seen, back, limit=tolerance, least_step=least, stops=stops)
+    seen_stops = np.ones(len(seen)) if stops is None else stops
     screw, probes = Screw.of(twist), np.ascontiguousarray(se3.apply(D @ parts.poses[part], a.probes))
-    frame, stop = np.array([screw.axis, screw.point, screw.shift]), min(first, 1.0)
-    limits = (tolerance, least, stop)
+    frame = np.array([screw.axis, screw.point, screw.shift])
+    limits = (tolerance, least, enough)
     T_other_world = np.ascontiguousarray(se3.inverse(parts.poses[other]))
     stops = shared_stops(probes, twist, cells[: len(probes)])
     stops = np.ones(len(probes)) if stops is None else stops
     field = b.signed_distance.arrays
-    moving = _first_astray(probes, frame, screw.angle, T_other_world, limits, stops, field, *fields.arrays)
-    return min(first, float(moving))
+    # the probe that strayed last is followed first: that changes no answer, and makes it come faster
+    hint = parts.strayed.get((part, other), 0)
+    about = (frame, screw.angle, T_other_world, limits, stops, field)
+    moving, probe = _first_astray(probes, hint, *about, *fields.arrays)
+    if probe >= 0:
+        parts.strayed[part, other] = int(probe)
+        if moving <= enough:
+            return float(moving)
+    seen_stops = np.minimum(seen_stops, moving)
+    options = {"limit": tolerance, "least_step": least, "stops": seen_stops}
+    return min(advance_along_screw(a.signed_distance, seen, back, **options)[0], float(moving))
 
 
 def _far_probes(
@@ -98,18 +110,19 @@ def _rooms(points, joined, starts, reaches):  # pragma: no cover - compiled
 
 @njit(cache=True, nogil=True)
 def _first_astray(
-    points, frame, angle, T, limits, stops, field, joined, starts, reaches
+    points, hint, frame, angle, T, limits, stops, field, joined, starts, reaches
 ):  # pragma: no cover - compiled
-    """The u up to ``stop`` at which a moving point is first astray; infinite if none is.
+    """The u up to 1 at which a moving point is first astray, and which; infinite, and -1, if none is.
 
-    A point that has still to go to the box, to the tolerance, or out of where the overlap is an excuse, is not astray
-    before it has gone so far.
+    Points are followed from the hint on, until one is astray at no more than ``enough``. A point that has still to go
+    to the box, to the tolerance, or out of where the overlap is an excuse, is not astray before it has gone so far.
     """
     boxes, links, triangles, normals = field
-    tolerance, least, stop = limits
+    tolerance, least, enough = limits
     axis, center, shift = frame[0], frame[1], frame[2]
-    out = np.inf
-    for k in range(len(points)):
+    out, found = np.inf, -1
+    for n in range(len(points)):
+        k = (hint + n) % len(points)
         x, y, z = points[k, 0] - center[0], points[k, 1] - center[1], points[k, 2] - center[2]
         ox, oy, oz = axis[1] * z - axis[2] * y, axis[2] * x - axis[0] * z, axis[0] * y - axis[1] * x
         tx, ty, tz = axis[1] * oz - axis[2] * oy, axis[2] * ox - axis[0] * oz, axis[0] * oy - axis[1] * ox
@@ -118,7 +131,7 @@ def _first_astray(
         if speed == 0.0:
             continue
         u = 0.0
-        while u < min(stop, out, stops[k]):
+        while u < min(1.0, out, stops[k]):
             s, c = np.sin(u * angle), 2.0 * np.sin(0.5 * u * angle) ** 2
             px = points[k, 0] + s * ox + c * tx + u * shift[0]
             py = points[k, 1] + s * oy + c * ty + u * shift[1]
@@ -133,7 +146,9 @@ def _first_astray(
                 if left < least:
                     left = max(left, _room(px, py, pz, joined, starts, reaches))
                 if left < 0.0:
-                    out = u
+                    out, found = u, k
                     break
             u += max(left, least) / speed
-    return out
+        if found >= 0 and out <= enough:
+            break
+    return out, found

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import Assembly, millimetres
-from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.sequence.departures import DisassemblyResult
@@ -48,20 +48,18 @@ class _Told:
 
 
 def find_fits(
-    parts: PlacedParts, found: DisassemblyResult, unsolved: Collection[str], *, config: FitConfig
+    finder: FitFinder, assembly: Assembly, found: DisassemblyResult, unsolved: Collection[str]
 ) -> tuple[DeclaredFit, ...]:
     """Return the fits with which what is left over may come apart, on the top level and inside subassemblies.
 
     Args:
-        parts: The placed parts.
+        finder: Finds those of each set of parts.
+        assembly: All parts.
         found: How far they came apart.
         unsolved: Names of all parts that have no motion: of those that came apart, it was refuted.
-        config: What can give.
     """
-    levels = (found, *(d.inside for d in found.departures() if d.inside is not None))
-    held = [{level.base, *(part for part, _ in level.stuck)} for level in levels]
-    held[0] |= {parts.assembly.index(name) for name in unsolved}.difference(*held)
-    finder = FitFinder(parts, config=config)
+    held = [{level.base, *(part for part, _ in level.stuck)} for level in found.levels()]
+    held[0] |= {assembly.index(name) for name in unsolved}.difference(*held)
     fits: dict[frozenset[str], DeclaredFit] = {}
     for group in held:
         for fit in finder.find(sum(1 << part for part in group)):
@@ -81,7 +79,7 @@ def planned_depths(
 
 
 class FitFinder:
-    """Finds the fits to declare among parts that hold one another."""
+    """Finds the fits to declare among parts that hold one another. What was asked before is answered at once."""
 
     def __init__(self, parts: PlacedParts, *, config: FitConfig) -> None:
         self._parts, self.config = parts, config
@@ -90,6 +88,7 @@ class FitFinder:
         self._shapes: dict[int, ElasticShape | None] = {}
         self._traced = 0
         """Points followed past another part."""
+        self._found: dict[int, tuple[DeclaredFit, ...]] = {}
 
     def find(self, remaining: int) -> tuple[DeclaredFit, ...]:
         """Return fits with which some, or all, of the remaining parts (a mask) come apart; none if nothing can give.
@@ -97,6 +96,11 @@ class FitFinder:
         Parts that leave without are taken out first. Then, of all straight ways out on which all that is in the way
         can give, that with the least need is taken, and so on.
         """
+        if remaining not in self._found:
+            self._found[remaining] = self._find(remaining)
+        return self._found[remaining]
+
+    def _find(self, remaining: int) -> tuple[DeclaredFit, ...]:
         declared: dict[tuple[int, int], DeclaredFit] = {}
         self._traced = 0
         if remaining.bit_count() > self.config.max_parts:
@@ -174,7 +178,7 @@ class FitFinder:
         """Whether a part goes straight past another if the two may go so deep into each other."""
         self._traced += len(self._parts.bodies[part].probes) + len(self._parts.bodies[other].probes)
         pair = self._parts.with_fits({(part, other): depth}) if depth > 0.0 else self._parts
-        return bool(np.isinf(free_travel(pair, part, np.zeros(3), direction, other)))
+        return passes(pair, part, np.zeros(3), direction, other)
 
     def _tolerated(self, part: int, other: int) -> float:
         """The depth that needs no fit [m], near to where two parts overlap."""

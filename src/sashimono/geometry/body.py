@@ -195,7 +195,7 @@ def displacement_rate(body: Body, twist: Float[np.ndarray, "6"]) -> float:
     angle = float(np.linalg.norm(w))
     if angle == 0.0:
         return float(np.linalg.norm(v))
-    return float(np.linalg.norm(v + np.cross(w, body.center))) + angle * body.radius
+    return float(np.linalg.norm(v + se3.cross(w, body.center))) + angle * body.radius
 
 
 def path_length(body: Body, T_a: Float[np.ndarray, "4 4"], T_b: Float[np.ndarray, "4 4"]) -> float:

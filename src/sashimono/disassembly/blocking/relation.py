@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from sashimono.disassembly.blocking import depth_maps
-from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.geometry.features.directions import frame_along, perpendicular_directions
@@ -161,9 +161,7 @@ class Blocking:
         a, b = (part, other) if direction_index % 2 == 0 else (other, part)
         key = (line, a, b)
         if key not in self._passes:
-            self._passes[key] = self._slides_past(line, a, b) or bool(
-                np.isinf(free_travel(self.parts, a, np.zeros(3), self.lines[line], b))
-            )
+            self._passes[key] = self._slides_past(line, a, b) or passes(self.parts, a, np.zeros(3), self.lines[line], b)
             if not self._passes[key]:
                 self._note_stop(line, a, b)
         return self._passes[key]
@@ -173,7 +171,7 @@ class Blocking:
         key = (part, direction_index, other)
         if key not in self._passes_one:
             direction = self.direction(direction_index)
-            self._passes_one[key] = bool(np.isinf(free_travel(self.parts, part, np.zeros(3), direction, other)))
+            self._passes_one[key] = passes(self.parts, part, np.zeros(3), direction, other)
             if not self._passes_one[key]:
                 self._stopped[part, direction_index] = self._stopped.get((part, direction_index), 0) | 1 << other
         return self._passes_one[key]

@@ -100,7 +100,7 @@ def pushes_at(paths: Paths, D: Float[np.ndarray, "4 4"], *, config: PhysicsConfi
     if config.slippage_pushes:
         center = se3.apply(D, paths.center[None])[0]
         for twist in free_twists(paths, D, config=config.simulate.slippage):
-            push = np.concatenate([(twist[:3] + np.cross(twist[3:], center)) / paths.body.radius, twist[3:]])
+            push = np.concatenate([(twist[:3] + se3.cross(twist[3:], center)) / paths.body.radius, twist[3:]])
             pushes.append(push / np.linalg.norm(push))
     axes = np.eye(3)
     if config.axes == "inertia":

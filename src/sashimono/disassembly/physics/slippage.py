@@ -160,4 +160,4 @@ def spatial_twist(
 ) -> Float[np.ndarray, "6"]:
     """Return the spatial twist of one about the centre with lengths over the radius."""
     v, w = radius * twist[:3], twist[3:]
-    return np.concatenate([v - np.cross(w, center), w])
+    return np.concatenate([v - se3.cross(w, center), w])

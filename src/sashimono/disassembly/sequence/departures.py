@@ -105,6 +105,13 @@ class DisassemblyResult:
                 return False
         return True
 
+    def levels(self) -> Iterator[DisassemblyResult]:
+        """Yield how far the parts came apart, and those inside each subassembly by themselves."""
+        yield self
+        for departure in self.departures():
+            if departure.inside is not None:
+                yield departure.inside
+
     def departures(self) -> Iterator[Departure]:
         """Yield every departure, those inside subassemblies included."""
         for departure in self.removals:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from sashimono.assembly import millimetres
-from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.separation import Separation
@@ -110,18 +110,18 @@ def _along(
     for _, other in parts.parts_ahead(part, np.zeros(3), direction, others):
         size = parts.smaller_size(part, other)
 
-        def passes(limit: float, other: int = other) -> bool:
-            return bool(np.isinf(free_travel(parts, part, np.zeros(3), direction, other, tolerance=limit)))
+        def clears(limit: float, other: int = other) -> bool:
+            return passes(parts, part, np.zeros(3), direction, other, tolerance=limit)
 
         bare = parts.tolerances.translation * parts.scale(part, other)
-        if passes(max(depth, bare)):
+        if clears(max(depth, bare)):
             continue
         low, high = max(depth, bare), min(most, config.most * size)
-        if high <= low or not passes(high):
+        if high <= low or not clears(high):
             return None
         while high - low > config.accuracy * high:
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if passes(middle) else (middle, high)
+            low, high = (low, middle) if clears(middle) else (middle, high)
         depth, deepest = high, other
     if deepest is None:
         return None

@@ -17,7 +17,7 @@ from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.tilting.probes import contact_probes
 from sashimono.geometry import se3
 from sashimono.geometry.distance.screw import adjoint, advance_along_screw, between
-from sashimono.geometry.distance.signed_distance import nearest_normal
+from sashimono.geometry.distance.signed_distance import closest_on_triangle, gradient, nearest
 
 _COARSER = 6.0
 """Least step of the look along a stretch, over that of the exact check."""
@@ -45,6 +45,8 @@ class ContactSurface:
         parts = paths.parts
         self.own = contact_probes(paths.body, most=most_probes)
         self.theirs = {k: contact_probes(parts.bodies[k], most=most_probes) for k in paths.others}
+        self._closest = {k: (np.full(len(self.own), -1), np.full(len(theirs), -1)) for k, theirs in self.theirs.items()}
+        """By other part: of its own probes and of the other's, the faces that were closest last, looked at first."""
         self._inverse = {k: se3.inverse(parts.poses[k]) for k in paths.others}
 
     def gaps(self, D: Float[np.ndarray, "4 4"], *, margin: float) -> Gaps:
@@ -53,25 +55,22 @@ class ContactSurface:
         T = D @ paths.T_assembled
         center = se3.apply(D, paths.center[None])[0]
         radius = paths.body.radius
-        rows, gaps = [np.zeros((0, 6))], [np.zeros(0)]
-        for other in paths.near(D, margin=margin):
+        near = paths.near(D, margin=margin)
+        most = sum(len(self.own) + len(self.theirs[other]) for other in near)
+        rows, gaps, count = np.empty((most, 6)), np.empty(most), 0
+        for other in near:
             body = parts.bodies[other]
             allowed = parts.limit(paths.part, other, self.leeway * paths.tolerance)
             T_other_part = self._inverse[other] @ T
-            for points, T_field_points, T_world_field, field, sign in (
-                (self.own, T_other_part, parts.poses[other], body.signed_distance, 1.0),
-                (self.theirs[other], se3.inverse(T_other_part), T, paths.body.signed_distance, -1.0),
+            closest = self._closest[other]
+            for points, T_field_points, T_world_field, field, sign, last in (
+                (self.own, T_other_part, parts.poses[other], body.signed_distance, 1.0, closest[0]),
+                (self.theirs[other], se3.inverse(T_other_part), T, paths.body.signed_distance, -1.0, closest[1]),
             ):
-                found = np.empty((len(points), 7))
-                count = _near(points, T_field_points, margin + allowed, *field.arrays, found)
+                about = (T_field_points, T_world_field, sign, center, radius, margin, allowed)
+                count = _contacts(points, *about, last, rows, gaps, count, *field.arrays)
                 paths.traced += len(points)
-                if count:
-                    found = found[:count]
-                    normals = sign * (found[:, 1:4] @ T_world_field[:3, :3].T)
-                    arms = se3.apply(T_world_field, found[:, 4:7]) - center
-                    rows.append(np.concatenate([normals, np.cross(arms, normals) / radius], axis=1))
-                    gaps.append(found[:, 0] + allowed)
-        return Gaps(rows=np.concatenate(rows), gaps=np.concatenate(gaps))
+        return Gaps(rows=rows[:count], gaps=gaps[:count])
 
     def is_clear(self, D_a: Float[np.ndarray, "4 4"], D_b: Float[np.ndarray, "4 4"]) -> bool:
         """Return whether the probes pass along the geodesic from one displacement to another.
@@ -127,24 +126,46 @@ def admissible(gaps: Gaps, wanted: Float[np.ndarray, "6"], *, rounds: int) -> Fl
 
 
 @njit(cache=True, nogil=True)
-def _near(points, T, margin, boxes, links, triangles, normals, out):  # pragma: no cover - compiled
-    """Signed distance, its gradient and the place of the points nearer than the margin, in the field's frame."""
-    count = 0
+def _contacts(
+    points, T, T_world, sign, center, radius, margin, allowed, last, rows, gaps, count,
+    boxes, links, triangles, normals,
+):  # fmt: skip
+    # pragma: no cover - compiled
+    """Add a row and a gap for each point nearer than the margin, from ``count`` on; return how many there are then.
+
+    ``last`` has for each point the face that was closest the last time: looked at first, it makes the search shorter.
+    """
+    bound = margin + allowed
     for k in range(points.shape[0]):
         x = T[0, 0] * points[k, 0] + T[0, 1] * points[k, 1] + T[0, 2] * points[k, 2] + T[0, 3]
         y = T[1, 0] * points[k, 0] + T[1, 1] * points[k, 1] + T[1, 2] * points[k, 2] + T[1, 3]
         z = T[2, 0] * points[k, 0] + T[2, 1] * points[k, 1] + T[2, 2] * points[k, 2] + T[2, 3]
         if (
-            x < boxes[0, 0] - margin or y < boxes[0, 1] - margin or z < boxes[0, 2] - margin
-            or x > boxes[0, 3] + margin or y > boxes[0, 4] + margin or z > boxes[0, 5] + margin
+            x < boxes[0, 0] - bound or y < boxes[0, 1] - bound or z < boxes[0, 2] - bound
+            or x > boxes[0, 3] + bound or y > boxes[0, 4] + bound or z > boxes[0, 5] + bound
         ):  # fmt: skip
             continue
-        d, nx, ny, nz = nearest_normal(x, y, z, margin, boxes, links, triangles, normals)
-        if np.isfinite(d):
-            out[count, 0] = d
-            out[count, 1], out[count, 2], out[count, 3] = nx, ny, nz
-            out[count, 4], out[count, 5], out[count, 6] = x, y, z
-            count += 1
+        within = bound
+        if last[k] >= 0:
+            qx, qy, qz, _ = closest_on_triangle(x, y, z, triangles[last[k]])
+            # so that it is found again, with its sign, if none is closer
+            within = min(bound, 1e-150 + (1.0 + 1e-6) * np.sqrt((x - qx) ** 2 + (y - qy) ** 2 + (z - qz) ** 2))
+        d, m, kind = nearest(x, y, z, within, boxes, links, triangles, normals)
+        if m < 0:
+            continue
+        last[k] = m
+        nx, ny, nz = gradient(x, y, z, d, m, kind, bound, triangles, normals)
+        for i in range(3):
+            rows[count, i] = sign * (T_world[i, 0] * nx + T_world[i, 1] * ny + T_world[i, 2] * nz)
+        ax = T_world[0, 0] * x + T_world[0, 1] * y + T_world[0, 2] * z + T_world[0, 3] - center[0]
+        ay = T_world[1, 0] * x + T_world[1, 1] * y + T_world[1, 2] * z + T_world[1, 3] - center[1]
+        az = T_world[2, 0] * x + T_world[2, 1] * y + T_world[2, 2] * z + T_world[2, 3] - center[2]
+        nx, ny, nz = rows[count, 0], rows[count, 1], rows[count, 2]
+        rows[count, 3] = (ay * nz - az * ny) / radius
+        rows[count, 4] = (az * nx - ax * nz) / radius
+        rows[count, 5] = (ax * ny - ay * nx) / radius
+        gaps[count] = d + allowed
+        count += 1
     return count
 
 

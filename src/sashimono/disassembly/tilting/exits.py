@@ -74,8 +74,8 @@ def _close(
         for k in range(n):
             at = (first + k) % n
             followed += 1
-            travel = advance_points(
-                points[at : at + 1], directions[m], length, limit, least_step, boxes, links, triangles, normals
+            travel, _ = advance_points(
+                points[at : at + 1], directions[m], length, limit, least_step, np.inf, boxes, links, triangles, normals
             )
             if np.isfinite(travel):
                 is_open[m] = False

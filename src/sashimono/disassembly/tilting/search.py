@@ -20,9 +20,9 @@ from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.tilting.axes import round_axes
-from sashimono.disassembly.tilting.contact_surface import ContactSurface
+from sashimono.disassembly.tilting.contact_surface import ContactSurface, Gaps
 from sashimono.disassembly.tilting.exits import straight_exit
-from sashimono.disassembly.tilting.sliding import SlideConfig, Wanted, slide
+from sashimono.disassembly.tilting.sliding import SlideConfig, Wanted, gaps_at, slide
 from sashimono.geometry import se3
 from sashimono.geometry.distance.screw import between
 from sashimono.geometry.features.directions import sphere_directions
@@ -181,6 +181,8 @@ class _Search:
         """Whether the part got nowhere."""
         self.radius = self.paths.body.radius
         self.tree = _Tree(self.paths, config.novelty * self.radius)
+        self._gaps: dict[int, tuple[Gaps, int]] = {}
+        """By node: what is near the part, and the tracing steps that it took to see."""
         self.frame = self.paths.parts.frame(self.paths.part)
         parts = self.paths.parts
         self.lines = parts.lines
@@ -199,7 +201,8 @@ class _Search:
                 return None, slides
             node, wanted = draw()
             self.tree.visits[node] += 1
-            passed = slide(self.surface, self.tree.poses[node], wanted, config=config.slide)
+            near = self._near(node)
+            passed = slide(self.surface, self.tree.poses[node], near, wanted, config=config.slide)
             for k, D in enumerate(passed):
                 gaps = self.tree.gaps_to(D)
                 # where a slide ends things meet, or are in line: that is worth a node of its own
@@ -212,6 +215,16 @@ class _Search:
                 if np.isinf(self.tree.crowd[node]):
                     break
         return None, max_slides
+
+    def _near(self, node: int) -> Gaps:
+        """What is near the part at a node; it costs the same each time that it is asked."""
+        if node not in self._gaps:
+            before = self.paths.traced
+            found = gaps_at(self.surface, self.tree.poses[node], config=self.config.slide)
+            self._gaps[node] = found, self.paths.traced - before
+        else:
+            self.paths.traced += self._gaps[node][1]
+        return self._gaps[node][0]
 
     def _exit(self, node: int) -> Removal | None:
         D = self.tree.poses[node]
@@ -272,7 +285,7 @@ class _Search:
             # about an axis through a place on the part, not its centre
             arm = self.radius * (self.frame.T @ rng.uniform(-1.0, 1.0, 3))
             if rng.random() < 0.6:
-                motion[:3] = -np.cross(line, arm) / self.radius
+                motion[:3] = -se3.cross(line, arm) / self.radius
         else:
             motion = rng.standard_normal(6)
             motion[:3] = self.frame.T @ motion[:3]
@@ -293,7 +306,7 @@ class _Search:
         if not weights.any():
             return D
         k = int(self.rng.choice(len(weights), p=weights / weights.sum()))
-        axis = np.cross(own, np.sign(cosines[k]) * self.lines[k])
+        axis = se3.cross(own, np.sign(cosines[k]) * self.lines[k])
         length = float(np.linalg.norm(axis))
         if length < 1e-9:
             return D

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.tilting.contact_surface import ContactSurface, admissible
+from sashimono.disassembly.tilting.contact_surface import ContactSurface, Gaps, admissible
 
 Wanted = Callable[[Float[np.ndarray, "4 4"]], Float[np.ndarray, "6"]]
 """Given the displacement, the rest of the motion (v, R ω) that is wanted [m]."""
@@ -34,18 +34,22 @@ class SlideConfig:
     """Times a part that ended too deep is pushed back to the contact surface."""
 
 
+def gaps_at(surface: ContactSurface, D: Float[np.ndarray, "4 4"], *, config: SlideConfig) -> Gaps:
+    """Return what is near the part where a slide begins."""
+    return surface.gaps(D, margin=1.5 * config.step * surface.paths.body.radius)
+
+
 def slide(
-    surface: ContactSurface, D: Float[np.ndarray, "4 4"], wanted: Wanted, *, config: SlideConfig
+    surface: ContactSurface, D: Float[np.ndarray, "4 4"], near: Gaps, wanted: Wanted, *, config: SlideConfig
 ) -> list[Float[np.ndarray, "4 4"]]:
     """Return the displacements passed from D on, without D, joined by geodesics that the probes clear; empty at rest.
 
     Each stretch goes along the motion nearest to the wanted one that closes no gap, and is retracted to the contact
-    surface where the curvature led it in.
+    surface where the curvature led it in. ``near`` are the gaps at D (`gaps_at`).
     """
     radius = surface.paths.body.radius
     step, least = config.step * radius, config.least_step * radius
     passed: list[np.ndarray] = []
-    near = surface.gaps(D, margin=1.5 * step)
     for _ in range(config.max_steps):
         rest = wanted(D)
         length = float(np.linalg.norm(rest))

@@ -45,7 +45,13 @@ def leaning_direction(
 ) -> Float[np.ndarray, "3"] | None:
     """Return a direction in which a part leaves the others straight, near one of those given; None if none is found."""
     given = np.array([turned for start in given for turned in _squared(parts, part, start, config)])
-    reaches = [_travel(parts, part, others, direction) for direction in given]
+    reaches = np.zeros(len(given))
+    for k, direction in enumerate(given):
+        # of those that are no start, it need not be known how far the part gets
+        least = float(np.sort(reaches[:k])[-config.starts]) if k >= config.starts else 0.0
+        reaches[k] = _travel(parts, part, others, direction, enough=least)
+        if np.isinf(reaches[k]):
+            return direction
     looks = 0
     for k in np.argsort(-np.round(reaches, 12), kind="stable")[: config.starts]:
         best, reach = given[k], reaches[k]
@@ -53,9 +59,9 @@ def leaning_direction(
             improved = True
             while improved and np.isfinite(reach) and looks < config.max_looks:
                 improved = False
-                for direction in _around(best, step, config.neighbours):
+                for direction in around(best, step, config.neighbours):
                     looks += 1
-                    travel = _travel(parts, part, others, direction)
+                    travel = _travel(parts, part, others, direction, enough=config.gain * reach)
                     if travel > config.gain * reach:
                         best, reach, improved = direction, travel, True
                         break
@@ -76,15 +82,24 @@ def _squared(
     return [start, square] if (square != start).any() else [start]
 
 
-def _around(direction: Float[np.ndarray, "3"], step: float, count: int) -> Float[np.ndarray, "neighbour 3"]:
+def around(direction: Float[np.ndarray, "3"], step: float, count: int) -> Float[np.ndarray, "neighbour 3"]:
+    """Return so many unit directions around one, turned from it by an angle [rad]."""
     angles = 2.0 * np.pi * np.arange(count) / count
     across = np.column_stack([np.cos(angles), np.sin(angles)]) @ frame_along(direction)[:2]
     return np.cos(step) * direction + np.sin(step) * across
 
 
-def _travel(parts: PlacedParts, part: int, others: Sequence[int], direction: Float[np.ndarray, "3"]) -> float:
-    """How far a part gets along a direction [m]; infinite if it passes all others."""
+def _travel(
+    parts: PlacedParts, part: int, others: Sequence[int], direction: Float[np.ndarray, "3"], *, enough: float
+) -> float:
+    """How far a part gets along a direction [m]; infinite if it passes all others.
+
+    Of a travel of at most ``enough`` no more is told than that.
+    """
     travel = np.inf
     for _, other in parts.parts_ahead(part, np.zeros(3), direction, others):
-        travel = min(travel, free_travel(parts, part, np.zeros(3), direction, other, length=travel))
+        past = free_travel(parts, part, np.zeros(3), direction, other, length=travel, enough=enough)
+        travel = min(travel, past)
+        if travel <= enough:
+            break
     return travel

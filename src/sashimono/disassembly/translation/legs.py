@@ -33,24 +33,29 @@ class Legs:
     ) -> tuple[float, int | None]:
         """Return how far the part goes from an offset, up to a length [m], and the obstacle that stops it if one does.
 
-        Of a part stopped before ``enough`` [m], not necessarily the first obstacle is found.
+        Of a part stopped before ``enough`` [m], always the same for a part, the travel is 0 and not necessarily the
+        first obstacle is found.
         """
         shortest, stopper = length, None
         for box_travel, other in self.parts.parts_ahead(self.part, offset, self.directions[direction_index], others):
             if box_travel >= shortest:
                 break
-            travel = self._past(offset, direction_index, other, shortest)
+            travel = self._past(offset, direction_index, other, shortest, enough)
             if travel < shortest:
                 shortest, stopper = travel, other
                 if shortest < enough:
                     break
         return shortest, stopper
 
-    def _past(self, offset: Float[np.ndarray, "3"], direction_index: int, other: int, length: float) -> float:
-        """Travel past one obstacle, infinite beyond the length."""
+    def _past(
+        self, offset: Float[np.ndarray, "3"], direction_index: int, other: int, length: float, enough: float
+    ) -> float:
+        """Travel past one obstacle, infinite beyond the length, 0 if it is no more than enough."""
         key = (offset.tobytes(), direction_index, other)
         travel, looked = self._known.get(key, (np.inf, 0.0))
         if np.isinf(travel) and looked < length:
-            travel = free_travel(self.parts, self.part, offset, self.directions[direction_index], other, length=length)
+            direction = self.directions[direction_index]
+            travel = free_travel(self.parts, self.part, offset, direction, other, length=length, enough=enough)
+            travel = travel if travel > enough else 0.0
             self._known[key] = (travel, length)
         return travel if travel < length else np.inf

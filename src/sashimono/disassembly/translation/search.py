@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.removal import Removal
@@ -235,7 +235,7 @@ class _BestFirst:
     def _is_stopped(self, offset: Float[np.ndarray, "3"], direction: Float[np.ndarray, "3"], length: float) -> bool:
         parts, part = self.parts, self.part
         return any(
-            box_travel < length and np.isfinite(free_travel(parts, part, offset, direction, other, length=length))
+            box_travel < length and not passes(parts, part, offset, direction, other, length=length)
             for box_travel, other in parts.parts_ahead(part, offset, direction, self.others)
         )
 

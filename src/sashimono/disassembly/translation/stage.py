@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.free_travel import free_travel
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import hit_by_removal
 from sashimono.disassembly.placed_parts import PlacedParts
@@ -56,7 +56,7 @@ class TranslationStage:
         contacts = self.contacts.of(part, others, samples=self.escape_samples)
         directions, margin = escape_directions(contacts, samples=self.escape_samples)
         for direction in directions:
-            if all(np.isinf(free_travel(self.parts, part, np.zeros(3), direction, other)) for other in bits(others)):
+            if all(passes(self.parts, part, np.zeros(3), direction, other) for other in bits(others)):
                 removal = self.parts.straight_removal(1 << part, others, direction)
                 return self._free(part, remaining, removal, stage="contacts")
         if margin < -self.proof_margin:

@@ -21,15 +21,17 @@ def advance_straight(
     length: float,
     limit: float,
     least_step: float,
-) -> float:
-    """Return how far the points travel along a unit direction before one is deeper than ``limit`` [m].
+    enough: float = 0.0,
+) -> tuple[float, int]:
+    """Return how far the points travel along a unit direction before one is deeper than ``limit`` [m], and which it is.
 
-    Points and direction are in the solid's frame. Infinite if no point gets too deep within ``length``.
-    It skips only what lies deeper for less than ``least_step``.
+    Points and direction are in the solid's frame. Infinite, and -1, if no point gets too deep within ``length``.
+    It skips only what lies deeper for less than ``least_step``. Of a travel of at most ``enough`` [m] no more is told
+    than that: what comes back is between the two, and of a point that stops there.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     direction = np.ascontiguousarray(direction, dtype=np.float64)
-    return advance_points(points, direction, length, limit, least_step, *solid.arrays)
+    return advance_points(points, direction, length, limit, least_step, enough, *solid.arrays)
 
 
 @njit(cache=True, nogil=True)
@@ -122,18 +124,23 @@ def _within(x, y, z, direction, start, stop, limit, triangle):  # pragma: no cov
 
 
 @njit(cache=True, nogil=True)
-def _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals):  # pragma: no cover - compiled
-    """Signed distance of the point after a travel, and its nearest triangle."""
+def _nearest_along(x, y, z, direction, t, guess, boxes, links, triangles, normals):  # pragma: no cover - compiled
+    """Signed distance of the point after a travel, and its nearest triangle; the guess (-1: none) comes first."""
     px, py, pz = x + t * direction[0], y + t * direction[1], z + t * direction[2]
-    distance, closest, _ = nearest(px, py, pz, np.inf, boxes, links, triangles, normals)
+    bound = np.inf
+    if guess >= 0:
+        qx, qy, qz, _ = closest_on_triangle(px, py, pz, triangles[guess])
+        # so that it is found again, with its sign, if none is closer
+        bound = 1e-150 + (1.0 + 1e-6) * np.sqrt((px - qx) ** 2 + (py - qy) ** 2 + (pz - qz) ** 2)
+    distance, closest, _ = nearest(px, py, pz, bound, boxes, links, triangles, normals)
     return distance, closest
 
 
 @njit(cache=True, nogil=True)
-def advance_points(points, direction, length, limit, least_step, boxes, links, triangles, normals):
+def advance_points(points, direction, length, limit, least_step, enough, boxes, links, triangles, normals):
     # pragma: no cover - compiled
     """What `advance_straight` returns; for compiled callers."""
-    travel = np.inf
+    travel, stopper = np.inf, -1
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
         t, stop = _box_range(x, y, z, direction, min(length, travel), boxes[0])
@@ -141,6 +148,7 @@ def advance_points(points, direction, length, limit, least_step, boxes, links, t
             continue
         outside = t > 0.0
         safe = t
+        closest = -1
         while t <= stop:
             if outside:
                 crossing, enters = _next_crossing(x, y, z, direction, t, stop, boxes, links, triangles)
@@ -148,16 +156,19 @@ def advance_points(points, direction, length, limit, least_step, boxes, links, t
                     break
                 if enters:  # else it was not outside: the sign erred
                     t = crossing
-            distance, closest = _nearest_along(x, y, z, direction, t, boxes, links, triangles, normals)
+            distance, closest = _nearest_along(x, y, z, direction, t, closest, boxes, links, triangles, normals)
             if -distance > limit:
+                if t <= enough:
+                    return t, k
                 for _ in range(6):  # between the last look and this one
                     middle = 0.5 * (safe + t)
-                    distance, _ = _nearest_along(x, y, z, direction, middle, boxes, links, triangles, normals)
+                    distance, _ = _nearest_along(x, y, z, direction, middle, closest, boxes, links, triangles, normals)
                     if -distance > limit:
                         t = middle
                     else:
                         safe = middle
-                travel = min(travel, t)
+                if t < travel:
+                    travel, stopper = t, k
                 break
             safe = t
             outside = distance > 1e-3 * limit
@@ -169,4 +180,4 @@ def advance_points(points, direction, length, limit, least_step, boxes, links, t
                 if reach < stop:
                     reach = max(reach, _within(x, y, z, direction, t, stop, limit, triangles[closest]))
                 t = reach
-    return travel
+    return travel, stopper

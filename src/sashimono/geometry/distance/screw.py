@@ -35,7 +35,7 @@ class Screw:
         if angle < _NO_TURN:
             return cls(axis=np.array([0.0, 0.0, 1.0]), point=np.zeros(3), angle=0.0, shift=v.copy())
         axis = w / angle
-        return cls(axis=axis, point=np.cross(axis, v) / angle, angle=angle, shift=float(axis @ v) * axis)
+        return cls(axis=axis, point=se3.cross(axis, v) / angle, angle=angle, shift=float(axis @ v) * axis)
 
     @property
     def pitch(self) -> float:
@@ -46,7 +46,7 @@ class Screw:
 def adjoint(T: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
     """Return the same spatial twist seen from another frame: ``T exp(twist) T⁻¹ = exp(adjoint(T, twist))``."""
     w = T[:3, :3] @ twist[3:]
-    return np.concatenate([T[:3, :3] @ twist[:3] + np.cross(T[:3, 3], w), w])
+    return np.concatenate([T[:3, :3] @ twist[:3] + se3.cross(T[:3, 3], w), w])
 
 
 def between(T_a: Float[np.ndarray, "4 4"], T_b: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "6"]:
@@ -106,10 +106,10 @@ def shared_stops(
     lead = 2.0 * np.pi * abs(screw.pitch)
     if lead < 4.0 * float(cells.max()):
         return None
-    first = np.cross(screw.axis, np.eye(3)[int(np.argmin(np.abs(screw.axis)))])
+    first = se3.cross(screw.axis, np.eye(3)[int(np.argmin(np.abs(screw.axis)))])
     first /= np.linalg.norm(first)
     arms = points - screw.point
-    x, y, z = arms @ first, arms @ np.cross(screw.axis, first), arms @ screw.axis
+    x, y, z = arms @ first, arms @ se3.cross(screw.axis, first), arms @ screw.axis
     turned = np.arctan2(y, x)
     height = np.mod(z - screw.pitch * turned, lead)
     at = (z - height) / screw.pitch

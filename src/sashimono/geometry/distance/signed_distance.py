@@ -275,12 +275,22 @@ def nearest_normal(x, y, z, bound, boxes, links, triangles, normals):  # pragma:
     d, m, kind = nearest(x, y, z, bound, boxes, links, triangles, normals)
     if m < 0:
         return d, 0.0, 0.0, 0.0
+    nx, ny, nz = gradient(x, y, z, d, m, kind, bound, triangles, normals)
+    return d, nx, ny, nz
+
+
+@njit(cache=True, nogil=True)
+def gradient(x, y, z, d, m, kind, bound, triangles, normals):  # pragma: no cover - compiled
+    """Unit gradient of the signed distance d of a point whose nearest triangle is m; on the surface, the normal there.
+
+    ``bound``: the surface is what is nearer than a millionth of this.
+    """
     if kind > 0 and abs(d) > 1e-6 * bound:
         qx, qy, qz, _ = closest_on_triangle(x, y, z, triangles[m])
-        return d, (x - qx) / d, (y - qy) / d, (z - qz) / d
+        return (x - qx) / d, (y - qy) / d, (z - qz) / d
     n = normals[m, kind]
     length = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-    return d, n[0] / length, n[1] / length, n[2] / length
+    return n[0] / length, n[1] / length, n[2] / length
 
 
 @njit(cache=True, nogil=True)
