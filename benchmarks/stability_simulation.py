@@ -26,6 +26,7 @@ import heapq
 import json
 import sys
 from collections.abc import Collection, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from stability import plan_of
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.geometry import se3
+from sashimono.geometry.body import Body
 from sashimono.io.read import read_assembly
 from sashimono.plan import AssemblyPlan, Step, Table, step_tables
 from sashimono.stability import StabilityConfig, Touching
@@ -196,12 +198,11 @@ class Scene:
 
     def _settled(self, groups: Sequence[Sequence[str]], still: Collection[str], on: Table) -> list[float]:
         """By group, how far it may come down [m] without anything having fallen: from touch to touch, the least way."""
-        least = [min(self._bodies[name].smallest_extent for name in group) for group in groups]
+        extent = {name: SUNK * self._bodies[name].smallest_extent for group in groups for name in group}
         out = [np.inf] * len(groups)
         queue = [(0.0, k) for k, group in enumerate(groups) if set(group) & set(still)]
         for k, group in enumerate(groups):
-            if any(len(self._touching.on_table(name, on).points) for name in group):
-                queue.append((SUNK * least[k], k))
+            queue += [(extent[name], k) for name in group if len(self._touching.on_table(name, on).points)]
         heapq.heapify(queue)
         while queue:
             way, k = heapq.heappop(queue)
@@ -209,16 +210,15 @@ class Scene:
                 continue
             out[k] = way
             for m, group in enumerate(groups):
-                if way < out[m] and any(len(self._touching.between(a, b).points) for a in groups[k] for b in group):
-                    heapq.heappush(queue, (way + SUNK * min(least[k], least[m]), m))
-        return [way if np.isfinite(way) else SUNK * least[k] for k, way in enumerate(out)]
+                for a, b in product(groups[k], group) if way < out[m] else ():
+                    if len(self._touching.between(a, b).points):
+                        heapq.heappush(queue, (way + min(extent[a], extent[b]), m))
+        return [way if np.isfinite(way) else min(map(extent.__getitem__, groups[k])) for k, way in enumerate(out)]
 
     def _pieces_of(self, name: str) -> list[np.ndarray]:
         if name not in self._pieces:
             body = self._bodies[name]
-            shrunk = [
-                shrunken(piece, SHRUNK * body.smallest_extent) for piece in convex_pieces(body.vertices, body.faces)
-            ]
+            shrunk = [shrunken(piece, SHRUNK * body.smallest_extent) for piece in convex_pieces(body)]
             self._pieces[name] = [piece for piece in shrunk if piece is not None]
         return self._pieces[name]
 
@@ -283,15 +283,25 @@ def _numbers(values: np.ndarray) -> str:
     return " ".join(f"{value:.9g}" for value in values.reshape(-1))
 
 
-def convex_pieces(points: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
-    """Return the corners of convex pieces that make up a body."""
+def convex_pieces(body: Body) -> list[np.ndarray]:
+    """Return the corners of convex pieces that make up a body.
+
+    What the decomposition takes for no manifold it first draws anew on a grid. Where pieces then stick out so far that
+    no case could be compared, the body is cut as it is, which can take minutes.
+    """
     import coacd
 
     coacd.set_log_level("error")
-    scale = 1.0 / float(np.ptp(points, axis=0).max())  # it works in lengths of about one
+    scale = 1.0 / float(np.ptp(body.vertices, axis=0).max())  # it works in lengths of about one
     search = {"preprocess_resolution": 40, "resolution": 1000, "mcts_iterations": 60, "mcts_max_depth": 2, "seed": 0}
-    found = coacd.run_coacd(coacd.Mesh(points * scale, faces), threshold=0.02, **search)
-    return [np.asarray(corners) / scale for corners, _ in found if len(corners) >= 4]
+    mesh = coacd.Mesh(scale * body.vertices, body.faces)
+    pieces: list[np.ndarray] = []
+    for mode in ("auto", "off"):
+        found = coacd.run_coacd(mesh, threshold=0.02, preprocess_mode=mode, **search)
+        pieces = [np.asarray(corners) / scale for corners, _ in found if len(corners) >= 4]
+        if float(body.signed_distance.query(np.concatenate(pieces)).max()) <= INSIDE * body.smallest_extent:
+            break
+    return pieces
 
 
 def shrunken(corners: np.ndarray, by: float) -> np.ndarray | None:

@@ -52,12 +52,22 @@ SHAFT = rod(0.006, 0.08, (0.0, 0.0, 0.04))
     [
         rod(0.00605, 0.1),
         SHAFT + box((0.06, 0.0115, 0.1), (0.03, 0.0, 0.0)),
-        SHAFT + rod(0.02, 0.03, (0.0, 0.0, 0.043)),
+        SHAFT + rod(0.02, 0.03, (0.0, 0.0, 0.0415)),
     ],
     ids=["clearance", "open at one side", "too short"],
 )
 def test_what_has_play_or_is_open_or_short_is_no_fit(bore: Manifold) -> None:
     assert fit_of(SHAFT, bore) is None
+
+
+def test_a_ball_bearing_fits_in_its_seat() -> None:
+    """5 mm wide, of 16 mm, with chamfers, and play below: without a fit it would have to be held."""
+    ring = rod(0.008, 0.0044) + rod(0.0077, 0.005) - rod(0.0025, 0.01)
+    seat = rod(0.02, 0.01, (0.0, 0.0, -0.002)) - rod(0.008, 0.0058)
+    parts = assembly(ring=ring, seat=seat)
+    poses = {part.name: part.T_world_part for part in parts.parts}
+    touching = Touching(make_bodies(parts), poses, config=StabilityConfig())
+    assert close_fit(touching, "ring", "seat", UPRIGHT) is not None
 
 
 def standing() -> Assembly:

@@ -167,3 +167,19 @@ def test_a_chamfer_that_faces_a_wall_carries_nothing(upside_down: bool, ledge: b
     bodies = {p.name: SampledBody(p.name, p.vertices_part, p.faces, samples=3000) for p in parts.parts}
     seen = PlacedParts(bodies, poses, VerifyConfig())
     assert seen.falling(parts.names, ("frame",), Table(normal=UP, offset=-1.0)) == ["lid"]
+
+
+def test_walls_that_meet_in_an_edge_push_nothing() -> None:
+    """A ring lies over a groove whose inner wall is hardly narrower than its bore: one wall ends below the other."""
+    groove = rod(0.025, 0.01) - rod(0.02, 0.02)
+    plate = box((0.1, 0.1, 0.02), (0.0, 0.0, -0.01)) - groove
+    parts = assembly(plate=plate, ring=rod(0.04, 0.03, (0.0, 0.0, 0.015)) - rod(0.0201, 0.1))
+    poses = {part.name: part.T_world_part for part in parts.parts}
+    seen = Touching(make_bodies(parts), poses, config=StabilityConfig()).between("plate", "ring")
+    assert len(seen.points) >= 3
+    assert np.allclose(seen.normals, -UP, atol=1e-6)
+    bodies = {p.name: SampledBody(p.name, p.vertices_part, p.faces, samples=3000) for p in parts.parts}
+    pushes = PlacedParts(bodies, poses, VerifyConfig())._contact("plate", "ring")
+    assert len(pushes.points) >= 3
+    assert np.allclose(pushes.normals, -UP, atol=1e-6)
+    assert holding(parts, -1.0, fixed=["plate"]).held == ()

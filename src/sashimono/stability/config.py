@@ -27,7 +27,7 @@ class StabilityConfig:
     """Whether a part that is all around another's shank, drawn without clearance, counts as joined to it."""
     fit_gap: float = 0.002
     """Clearance that counts as none there, over the smaller one's smallest extent."""
-    fit_length: float = 0.5
+    fit_length: float = 0.26
     """Least length of such a fit, over its diameter."""
     steep: float = 0.5
     """Walls whose normal is this near to level (sine of its angle to the level) carry no weight by friction: nothing

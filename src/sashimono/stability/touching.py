@@ -20,6 +20,8 @@ _INSET = 1e-3
 _MOST_CORNERS = 6000
 _STEADY = 0.95
 """Least cosine between gradients a gap apart that belong to one smooth stretch of surface."""
+_INWARD = 0.05
+"""How far behind the other's surface its matter is looked for, over the gap up to which the two count as touching."""
 _FLAT = 0.9
 """Cosine between up and a normal from which on one part lies on the other."""
 _LET_DOWN = 4
@@ -182,9 +184,26 @@ class Touching:
         d, n = other.signed_distance.normals(seen[near], 1.01 * gap)
         outward = normals @ R.T
         touching = (np.abs(d) <= gap) & ((n * outward).sum(axis=1) < -self.config.facing)
+        touching[touching] = _leads_inside(
+            seen[near][touching], outward[touching], n[touching], d[touching], other, gap
+        )
         seen, n, outward = seen[near][touching], n[touching], outward[touching]
         on_face = _on_faces(seen, n, other, gap)
         return points[touching], np.where(on_face[:, None], n, -outward) @ R
+
+
+def _leads_inside(
+    points: np.ndarray, outward: np.ndarray, normals: np.ndarray, distances: np.ndarray, other: Body, gap: float
+) -> np.ndarray:
+    """From which of the points it goes into the other body along the own surface's normal.
+
+    The wall of a ring's bore and that of a groove as wide below it meet in an edge only: they face one another, and
+    neither can push the other.
+    """
+    outside = np.maximum(distances, 0.0)
+    way = outside / -(outward * normals).sum(axis=1) + _INWARD * gap
+    beyond = other.signed_distance.query(points + way[:, None] * outward)
+    return beyond < distances - outside - 0.25 * _INWARD * gap
 
 
 def _on_faces(points: np.ndarray, normals: np.ndarray, body: Body, gap: float) -> np.ndarray:

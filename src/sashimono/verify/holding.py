@@ -34,6 +34,8 @@ _LEAST_WEIGHT = 1e-4
 _INSET = 0.02
 _FLAT = 0.9
 """Cosine between up and a normal from which on one part lies on the other."""
+_BEHIND = 0.06
+"""How far behind a part's surface its matter is looked for, over the gap at which parts touch."""
 _JAM = 0.05
 """How much deeper a part gets that something leaning carries, over the gap at which parts touch."""
 _SINKINGS = 6
@@ -337,13 +339,20 @@ class PlacedParts:
         points, normals, seen = points[near], normals[near], seen[near]
         if not len(points):
             return points, normals
-        meet = np.abs(target.distance(seen)) <= gap
-        points, normals, seen = points[meet], normals[meet], seen[meet]
+        away = target.distance(seen)
+        meet = np.abs(away) <= gap
+        points, normals, seen, away = points[meet], normals[meet], seen[meet], away[meet]
         if not len(points):
             return points, normals
         outward = target.nearest_normal(seen) @ T[:3, :3].T
-        facing = (outward * normals).sum(axis=1) < _FACING
-        return points[facing], outward[facing]
+        against = -(outward * normals).sum(axis=1)
+        facing = against > -_FACING
+        points, normals, seen, away = points[facing], normals[facing], seen[facing], away[facing]
+        # where only edges meet, the other's matter does not lie behind its surface, seen along the part's own normal
+        way = np.maximum(away, 0.0) / against[facing] + _BEHIND * gap
+        behind = target.distance(seen + way[:, None] * (normals @ T[:3, :3]))
+        solid = behind < np.minimum(away, 0.0) - 0.2 * _BEHIND * gap
+        return points[solid], outward[facing][solid]
 
     def _skin(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Points of a part's faces with the faces' normals, in the world: near their corners, and between."""
