@@ -61,7 +61,7 @@ def leaning_direction(
                 improved = False
                 for direction in around(best, step, config.neighbours):
                     looks += 1
-                    travel = _travel(parts, part, others, direction, enough=config.gain * reach)
+                    travel = _travel(parts, part, others, direction, enough=config.gain * float(reach))
                     if travel > config.gain * reach:
                         best, reach, improved = direction, travel, True
                         break
