@@ -179,7 +179,8 @@ def read_section(
     outer = outline(hull, config) if off <= config.centered else "other"
     if outer == "other" and off <= 2.0 * config.centered and _area(hull) >= config.ridged * np.pi * radius**2:
         outer = "ridged" if len(hull) >= 8 else "other"
-    inner, hole = _hole(polygons, areas, radius, config)
+    nearest, _, inside = free_radius(polygons)
+    inner, hole = ("none", 0.0) if inside else _hole(polygons, areas, nearest, config)
     return Section(
         low=low,
         high=high,
@@ -192,7 +193,7 @@ def read_section(
         outline_filled=float(areas[areas > 0.0].sum() / _area(hull)),
         pieces=int((areas > 1e-4 * _area(hull)).sum()),
         around=1.0 if inner != "other" else _around(polygons),
-        inside=free_radius(polygons)[0],
+        inside=nearest,
     )
 
 
@@ -208,7 +209,7 @@ def outline(hull: Float[np.ndarray, "corner 2"], config: ProfileConfig) -> Outli
 
 def harmonic(polygon: Float[np.ndarray, "corner 2"], order: int) -> float:
     """Return how much a polygon's edges face this many evenly spread ways, from 0 to 1, weighed by their length."""
-    sides = np.roll(polygon, -1, axis=0) - polygon
+    sides = _following(polygon) - polygon
     lengths = np.linalg.norm(sides, axis=1)
     angles = np.arctan2(sides[:, 1], sides[:, 0])
     return float(abs((lengths * np.exp(1j * order * angles)).sum()) / max(lengths.sum(), 1e-300))
@@ -222,7 +223,7 @@ def free_radius(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> tuple[float, fl
     best = (np.inf, np.inf)
     inside = False
     for polygon in polygons:
-        starts, ends = polygon, np.roll(polygon, -1, axis=0)
+        starts, ends = polygon, _following(polygon)
         sides = ends - starts
         squared = np.maximum((sides**2).sum(axis=1), 1e-300)
         along = np.clip(-(starts * sides).sum(axis=1) / squared, 0.0, 1.0)
@@ -266,16 +267,14 @@ def _hull_middle(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarr
 def _hole(
     polygons: Sequence[Float[np.ndarray, "_ 2"]],
     areas: Float[np.ndarray, "polygon"],
-    radius: float,
+    nearest: float,
     config: ProfileConfig,
 ) -> tuple[Outline, float]:
-    """What the hole about the axis is, and its size [m]."""
-    if free_radius(polygons)[2]:
-        return "none", 0.0
+    """What the hole about the axis is, and its size [m]; ``nearest`` is the distance of the nearest edge."""
     around = [k for k, p in enumerate(polygons) if areas[k] < 0.0 and _contains_origin(p)]
     if not around:
         # open to the side: a slot across the head
-        return ("slot", 2.0 * free_radius(polygons)[0]) if len(polygons) == 2 else ("other", 0.0)
+        return ("slot", 2.0 * nearest) if len(polygons) == 2 else ("other", 0.0)
     hole = polygons[min(around, key=lambda k: abs(areas[k]))][::-1]
     hull = _hull([hole])
     if hull is None:
@@ -296,7 +295,7 @@ def _hole(
 def _around(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> float:
     """The share of 72 rays from the axis that cross an outline."""
     starts = np.concatenate(polygons)
-    ends = np.concatenate([np.roll(p, -1, axis=0) for p in polygons])
+    ends = np.concatenate([_following(p) for p in polygons])
     angles = 2.0 * np.pi * (np.arange(72) + 0.5) / 72.0
     ways = np.column_stack([np.cos(angles), np.sin(angles)])
     a, b = ways @ np.array([[0.0, 1.0], [-1.0, 0.0]]) @ starts.T, ways @ np.array([[0.0, 1.0], [-1.0, 0.0]]) @ ends.T
@@ -308,7 +307,7 @@ def _around(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> float:
 
 def harmonic_radius(polygon: Float[np.ndarray, "corner 2"], order: int) -> float:
     """Return how much a polygon's distance from the axis waves this many times around, over its mean."""
-    starts, ends = polygon, np.roll(polygon, -1, axis=0)
+    starts, ends = polygon, _following(polygon)
     share = (np.arange(8) / 8.0)[:, None, None]
     points = (starts + share * (ends - starts)).reshape(-1, 2)
     angles, radii = np.arctan2(points[:, 1], points[:, 0]), np.linalg.norm(points, axis=1)
@@ -320,7 +319,7 @@ def harmonic_radius(polygon: Float[np.ndarray, "corner 2"], order: int) -> float
 def _regular(hull: Float[np.ndarray, "corner 2"], corners: int) -> bool:
     """Whether flats face all the ways of a regular polygon, equally far from the middle."""
     middle = _centroid(hull)
-    sides = np.roll(hull, -1, axis=0) - hull
+    sides = _following(hull) - hull
     lengths = np.linalg.norm(sides, axis=1)
     phase = float(np.angle((lengths * np.exp(1j * corners * np.arctan2(sides[:, 1], sides[:, 0]))).sum())) / corners
     angles = np.arctan2(sides[:, 1], sides[:, 0]) - phase
@@ -337,22 +336,27 @@ def _across(hull: Float[np.ndarray, "corner 2"], kind: Outline) -> float:
     middle = _centroid(hull)
     if kind not in ("hex", "square"):
         return 2.0 * float(np.linalg.norm(hull - middle, axis=1).max())
-    sides = np.roll(hull, -1, axis=0) - hull
+    sides = _following(hull) - hull
     lengths = np.linalg.norm(sides, axis=1)
     good = lengths > 0.2 * lengths.max()
     normals = np.column_stack([sides[:, 1], -sides[:, 0]])[good] / lengths[good, None]
     return 2.0 * float(np.average(((hull[good] - middle) * normals).sum(axis=1), weights=lengths[good]))
 
 
+def _following(polygon: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "corner 2"]:
+    """The corner after each."""
+    return np.concatenate([polygon[1:], polygon[:1]])
+
+
 def _area(polygon: Float[np.ndarray, "corner 2"]) -> float:
-    following = np.roll(polygon, -1, axis=0)
+    following = _following(polygon)
     return 0.5 * float((polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0]).sum())
 
 
 def _centroid(polygon: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "2"]:
     origin = polygon.mean(axis=0)
     p = polygon - origin
-    q = np.roll(p, -1, axis=0)
+    q = _following(p)
     cross = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     total = cross.sum()
     return origin if total == 0.0 else origin + (cross[:, None] * (p + q)).sum(axis=0) / (3.0 * total)
@@ -360,7 +364,7 @@ def _centroid(polygon: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "2"]:
 
 def _contains_origin(polygon: Float[np.ndarray, "corner 2"]) -> bool:
     """Whether the origin is inside, by crossings of the ray along x."""
-    a, b = polygon, np.roll(polygon, -1, axis=0)
+    a, b = polygon, _following(polygon)
     cross = (a[:, 1] > 0.0) != (b[:, 1] > 0.0)
     a, b = a[cross], b[cross]
     x = a[:, 0] - a[:, 1] * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
