@@ -91,6 +91,8 @@ def main() -> None:
     """Run the command line and exit with its status."""
     # modules and meshes live until the end: looking for garbage among them at every 700 objects costs a twelfth
     gc.set_threshold(50_000)
+    # matrices are small: more threads of NumPy's would only wait for one another. It reads this when it is imported
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         status = run(sys.argv[1:])
         sys.stdout.flush()
