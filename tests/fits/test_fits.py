@@ -134,6 +134,14 @@ def test_a_plan_declares_the_fit_that_it_needs(tmp_path: Path) -> None:
     assert rigid.fits == ()
 
 
+@pytest.mark.slow
+def test_a_network_s_order_declares_the_same_fit() -> None:
+    parts = BY_NAME["snap_lid"].assembly()
+    plan = plan_assembly(parts, config=replace(CHEAP, method="past"))
+    assert plan.status == "complete"
+    assert [fit.parts for fit in plan.fits] == [("lid", "box")]
+
+
 def test_a_plan_that_is_complete_without_declares_nothing() -> None:
     parts = assembly_of(plug=rod(0.004, 0.02))
     both = Assembly(parts=(*parts.parts, part_of("other", hooks(1.5)["lid"].translate((0.0, 0.0, 50.0)))))
