@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
-from sashimono.verify.surface import Surface
+from sashimono.verify.surface import Surface, box_distance
 
 _FANOUT = 8
 _WALL_RAYS = 600
@@ -98,8 +98,7 @@ class SampledBody:
 
     def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the body's box [m], 0 inside: never more than to the body."""
-        outside = np.maximum(np.maximum(self.low - points, points - self.high), 0.0)
-        return np.sqrt(np.einsum("ij,ij->i", outside, outside))
+        return box_distance(points, self.low, self.high)
 
     def distance(
         self, points: Float[np.ndarray, "n 3"], beyond: Float[np.ndarray, "n"] | None = None

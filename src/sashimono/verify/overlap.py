@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from sashimono.geometry import se3
 from sashimono.verify.body import BallTree, SampledBody
 from sashimono.verify.config import VerifyConfig
-from sashimono.verify.surface import Surface
+from sashimono.verify.surface import Surface, box_distance
 from sashimono.verify.sweep import Ease
 
 _ACCURACY = 0.004
@@ -219,8 +219,7 @@ class OverlapPlace:
 
     def box_distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the piece's box [m]: no more than to the piece."""
-        outside = np.maximum(np.maximum(self._low - points, points - self._high), 0.0)
-        return np.linalg.norm(outside, axis=1)
+        return box_distance(points, self._low, self._high)
 
     def distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the distance of each point to the piece's surface [m], also from inside."""

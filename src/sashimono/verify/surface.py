@@ -26,6 +26,14 @@ _GRAZING = 1e-7
 """Barycentric coordinate below which a ray counts as meeting an edge."""
 
 
+def box_distance(
+    points: Float[np.ndarray, "n 3"], low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "n"]:
+    """Return the distance of each point to a box [m], 0 inside."""
+    outside = np.maximum(np.maximum(low - points, points - high), 0.0)
+    return np.sqrt(np.einsum("ij,ij->i", outside, outside))
+
+
 class Surface:
     """A closed surface; distances are exact, negative inside."""
 

@@ -128,9 +128,13 @@ class Blocking:
             return False
         return None if among & ~(1 << part | self._passed.get((part, direction_index), 0)) else True
 
+    def mapped_blockers(self, part: int, direction_index: int) -> int:
+        """Return the mask of the parts that by the coarse maps stop this part."""
+        return self.masks(part, direction_index)[0]
+
     def known_blockers(self, part: int, direction_index: int) -> int:
         """Return the mask of the parts that by the coarse maps, or any closer look so far, stop this part."""
-        return self.masks(part, direction_index)[0] | self._stopped.get((part, direction_index), 0)
+        return self.mapped_blockers(part, direction_index) | self._stopped.get((part, direction_index), 0)
 
     def is_blocked_by(self, part: int, direction_index: int, other: int) -> bool:
         """Return whether ``other`` stops this part, by the maps (second look where the first left it open)."""

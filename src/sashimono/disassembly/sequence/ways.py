@@ -7,7 +7,7 @@ blocking relation, which is exact for every set.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,7 +123,7 @@ class Ways:
         self._above = above
         blocking = cascade.blocking
         self.directions = [blocking.direction(s) for s in range(blocking.count_directions)]
-        self._ranked: dict[int, list[tuple[tuple[int, int], int]]] = {}
+        self._ranked: dict[int, list[tuple[tuple[int, int], int, int]]] = {}
         self._best: dict[tuple[int, int], tuple[int, tuple[int, int]] | None] = {}
         self._lines = lines
 
@@ -142,10 +142,8 @@ class Ways:
         """Return the best way that no map contradicts: quick, for a first look; it may not be free."""
         others = remaining & ~unit.members
         if unit.is_movable:
-            for _, s in self._ranking(unit.members):
-                if not self._blockers_by_maps(unit.members, s) & others and not is_refused(
-                    self._refused, unit.members, s, others
-                ):
+            for _, s, blockers in self._ranking(unit.members):
+                if not blockers & others and not is_refused(self._refused, unit.members, s, others):
                     return Way(direction_index=s, exit_direction=self.directions[s])
         return self._known(unit, others)
 
@@ -188,7 +186,7 @@ class Ways:
         best = self._best[key]
         if best is None or last is None or best[0] == last:
             return None if best is None else best[0]
-        rank = next((r for r, s in self._ranking(members) if s == last), None)
+        rank = next((r for r, s, _ in self._ranking(members) if s == last), None)
         alike = rank == best[1] and self._leaves(members, last, others)
         alike = alike and not self._is_ploughing(members, last, others)
         return last if alike else best[0]
@@ -200,8 +198,9 @@ class Ways:
         """
         members, parts, ploughing = unit.members, bits(unit.members), None
         is_known = self._known(unit, others) is not None
-        for rank, s in self._ranking(members):
-            if (rank[1] and is_known) or self._known_blockers(parts, s) & others:
+        known_blockers = self._cascade.blocking.known_blockers
+        for rank, s, blockers in self._ranking(members):
+            if blockers & others or (rank[1] and is_known) or _union(known_blockers, parts, s) & others:
                 continue
             if self._is_ploughing(members, s, others):
                 if ploughing is None and self._leaves(members, s, others):
@@ -229,8 +228,9 @@ class Ways:
                     return True
         return False
 
-    def _ranking(self, members: int) -> list[tuple[tuple[int, int], int]]:
-        """The directions that a part, or a product, may take, best first, with a rank that equally good ones share.
+    def _ranking(self, members: int) -> list[tuple[tuple[int, int], int, int]]:
+        """The directions that a part, or a product, may take, best first, each with a rank that equally good ones
+        share, and the mask of the parts that block it by the coarse maps.
 
         First a fastener's own axis. Then up, sideways, down; in each, the axes of the part's own faces and holes before
         all others, and the steeper before the flatter.
@@ -253,21 +253,17 @@ class Ways:
                 # sideways and down, the axis that is level, or straight down, is not worse than one that leans up
                 lean = -along if level <= 0 else abs(along) if level == 1 else along
                 found.append(((level, feature), round(lean, 6), s))
-            self._ranked[members] = [(rank, s) for rank, _, s in sorted(found)]
+            by_maps = self._cascade.blocking.mapped_blockers
+            self._ranked[members] = [(rank, s, _union(by_maps, parts, s)) for rank, _, s in sorted(found)]
         return self._ranked[members]
 
-    def _blockers_by_maps(self, members: int, direction_index: int) -> int:
-        """Mask of the parts that block these by the coarse maps."""
-        mask = 0
-        for part in bits(members):
-            mask |= self._cascade.blocking.masks(part, direction_index)[0]
-        return mask
 
-    def _known_blockers(self, parts: Sequence[int], direction_index: int) -> int:
-        mask = 0
-        for part in parts:
-            mask |= self._cascade.blocking.known_blockers(part, direction_index)
-        return mask
+def _union(blockers: Callable[[int, int], int], parts: Sequence[int], direction_index: int) -> int:
+    """Mask of what blocks any of these parts along a direction."""
+    mask = 0
+    for part in parts:
+        mask |= blockers(part, direction_index)
+    return mask
 
 
 class Work:

@@ -17,7 +17,7 @@ from sashimono.disassembly.paths import Paths
 from sashimono.disassembly.tilting.probes import contact_probes
 from sashimono.geometry import se3
 from sashimono.geometry.distance.screw import adjoint, advance_along_screw, between
-from sashimono.geometry.distance.signed_distance import closest_on_triangle, gradient, nearest
+from sashimono.geometry.distance.signed_distance import bound_by, gradient, nearest
 
 _COARSER = 6.0
 """Least step of the look along a stretch, over that of the exact check."""
@@ -147,9 +147,7 @@ def _contacts(
             continue
         within = bound
         if last[k] >= 0:
-            qx, qy, qz, _ = closest_on_triangle(x, y, z, triangles[last[k]])
-            # so that it is found again, with its sign, if none is closer
-            within = min(bound, 1e-150 + (1.0 + 1e-6) * np.sqrt((x - qx) ** 2 + (y - qy) ** 2 + (z - qz) ** 2))
+            within = min(bound, bound_by(x, y, z, triangles[last[k]]))
         d, m, kind = nearest(x, y, z, within, boxes, links, triangles, normals)
         if m < 0:
             continue

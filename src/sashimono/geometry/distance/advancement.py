@@ -10,7 +10,13 @@ import numpy as np
 from jaxtyping import Float
 from numba import njit
 
-from sashimono.geometry.distance.signed_distance import STACK_SIZE, SignedDistance, closest_on_triangle, nearest
+from sashimono.geometry.distance.signed_distance import (
+    STACK_SIZE,
+    SignedDistance,
+    bound_by,
+    closest_on_triangle,
+    nearest,
+)
 
 
 def advance_straight(
@@ -129,9 +135,7 @@ def _nearest_along(x, y, z, direction, t, guess, boxes, links, triangles, normal
     px, py, pz = x + t * direction[0], y + t * direction[1], z + t * direction[2]
     bound = np.inf
     if guess >= 0:
-        qx, qy, qz, _ = closest_on_triangle(px, py, pz, triangles[guess])
-        # so that it is found again, with its sign, if none is closer
-        bound = 1e-150 + (1.0 + 1e-6) * np.sqrt((px - qx) ** 2 + (py - qy) ** 2 + (pz - qz) ** 2)
+        bound = bound_by(px, py, pz, triangles[guess])
     distance, closest, _ = nearest(px, py, pz, bound, boxes, links, triangles, normals)
     return distance, closest
 

@@ -280,6 +280,13 @@ def nearest_normal(x, y, z, bound, boxes, links, triangles, normals):  # pragma:
 
 
 @njit(cache=True, nogil=True)
+def bound_by(x, y, z, triangle):  # pragma: no cover - compiled
+    """A bound for `nearest` from a triangle that may be the nearest: so that it is found, with its sign, if it is."""
+    qx, qy, qz, _ = closest_on_triangle(x, y, z, triangle)
+    return 1e-150 + (1.0 + 1e-6) * np.sqrt((x - qx) ** 2 + (y - qy) ** 2 + (z - qz) ** 2)
+
+
+@njit(cache=True, nogil=True)
 def gradient(x, y, z, d, m, kind, bound, triangles, normals):  # pragma: no cover - compiled
     """Unit gradient of the signed distance d of a point whose nearest triangle is m; on the surface, the normal there.
 
