@@ -6,6 +6,8 @@ only on the side where the flood comes out. That lets it be as fine as thin wall
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from sashimono.disassembly.placed_parts import PlacedParts
@@ -23,9 +25,17 @@ class Cages:
 
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
+        return self.attempt(part, others).go_on()
+
+    def attempt(self, part: int, others: int) -> Attempt:
+        """Return the proof as something to be worked at, and to be put off for a while."""
         if part != self._part:
             self._part = part
             self._spaces.clear()
+        return Attempt(self._looks(others))
+
+    def _looks(self, others: int) -> Iterator[tuple[int, tuple[int, ...] | None]]:
+        """Look from coarse to fine, from near to far: yield the lattice points of each look, and the proof it found."""
         left = self._config.max_proof_work
         resolutions = self._config.proof_resolutions
         for k in range(len(resolutions)):
@@ -40,12 +50,13 @@ class Cages:
                 left -= work
                 flood = space.flood(others, max_visited=self._config.max_proof_visited)
                 if flood.blocked:
-                    return space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
+                    yield work, space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
+                    return
+                yield work, None
                 if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
                     break  # nothing left of the part, out of budget, or really out
                 window = window.copy()
                 window[flood.rim] *= self._config.proof_growth
-        return None
 
     def _space(self, level: int, window: np.ndarray) -> Space:
         """The lattice of one level, and before it those of the coarser ones that it builds on."""
@@ -59,3 +70,24 @@ class Cages:
                 self._parts, self._part, resolution, config=self._config, window=window, parent=parent
             )
         return self._spaces[key]
+
+
+class Attempt:
+    """One proof that is worked at in portions."""
+
+    def __init__(self, looks: Iterator[tuple[int, tuple[int, ...] | None]]) -> None:
+        self._looks = looks
+
+    def go_on(self, *, work: int | None = None) -> tuple[int, ...] | None:
+        """Return the obstacles that hold the part, or None if so much more work (lattice points) shows nothing.
+
+        Without a limit, till the end of the budget.
+        """
+        for done, proof in self._looks:
+            if proof is not None:
+                return proof
+            if work is not None:
+                work -= done
+                if work <= 0:
+                    break
+        return None

@@ -6,6 +6,7 @@ So a small screw in a wide lid takes few lattice points, however fine the lattic
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -24,7 +25,7 @@ class Region:
     theirs: Int[np.ndarray, "2 3"]
     """The same of the obstacle's, from where the part's corner is at the first displacement."""
 
-    @property
+    @cached_property
     def cells(self) -> int:
         """Lattice points of both; 0 if the two cannot meet."""
         sizes = self.own[1] - self.own[0], self.theirs[1] - self.theirs[0]
@@ -60,9 +61,15 @@ class Drawing:
         self._origin = self._corner - window[0] * spacing
         self._reach = window.sum(axis=0)
         self._drawn: dict[tuple[int, ...], Drawn] = {}
+        self._regions: dict[int, Region] = {}
 
     def region(self, other: int) -> Region:
         """Return where the part and an obstacle can meet."""
+        if other not in self._regions:
+            self._regions[other] = self._region(other)
+        return self._regions[other]
+
+    def _region(self, other: int) -> Region:
         box = (self._boxes[other] - self._origin) / self._spacing
         pad = self._pad
         first = np.maximum(np.floor(box[0]).astype(int), 1 - pad) - pad

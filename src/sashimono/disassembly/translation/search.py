@@ -35,9 +35,11 @@ class TranslationConfig:
     """Budgets of the search; they count work, never time."""
 
     space: SpaceConfig = field(default_factory=SpaceConfig)
-    max_legs: int = 30
+    first_proof_work: int = 500_000
+    """Lattice points looked at for a proof before a way out is looked for; the rest, if none is found."""
+    max_legs: int = 50
     """Legs traced on each lattice; those that are stopped at once do not count."""
-    max_traces: int = 45
+    max_traces: int = 120
     """The same with those that are stopped at once."""
     max_branches: int = 12
     """Legs queued from one displacement along one direction."""
@@ -94,10 +96,10 @@ class TranslationSearch:
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
         # a proof costs least near the assembled pose, and most parts that are held are held there
-        answer = self.caged(part, others)
-        if answer.proven:
-            return answer
         mask = sum(1 << other for other in others)
+        attempt = self._cages.attempt(part, mask)
+        if (proof := attempt.go_on(work=self.config.first_proof_work)) is not None:
+            return _proven(proof)
         led = []
         for level in range(len(self.config.space.resolutions)):
             space = self._space(part, level)
@@ -105,7 +107,10 @@ class TranslationSearch:
             if flood.blocked:
                 return _proven(space.smaller_proof(flood.proof))
             led.append((space, flood))
-        return self._led(part, others, led)
+        found = self._led(part, others, led)
+        if found.removal is None and (proof := attempt.go_on()) is not None:
+            return _proven(proof)
+        return found
 
     def caged(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return the proof on fine lattices that the others let the part nowhere by translations, or nothing."""

@@ -50,13 +50,14 @@ class TranslationStage:
         self.parts, self.contacts, self.search = parts, contacts, search
         self.touching, self.leaning = touching, leaning
         self.escape_samples, self.proof_margin = escape_samples, proof_margin
+        self._known_passes: dict[tuple[int, int, bytes], bool] = {}
 
     def separate(self, part: int, remaining: int, *, max_traced: int) -> Separation:
         others = remaining & ~(1 << part)
         contacts = self.contacts.of(part, others, samples=self.escape_samples)
         directions, margin = escape_directions(contacts, samples=self.escape_samples)
         for direction in directions:
-            if all(passes(self.parts, part, np.zeros(3), direction, other) for other in bits(others)):
+            if all(self._passes(part, direction, other) for other in bits(others)):
                 removal = self.parts.straight_removal(1 << part, others, direction)
                 return self._free(part, remaining, removal, stage="contacts")
         if margin < -self.proof_margin:
@@ -74,6 +75,13 @@ class TranslationStage:
                 removal = self.parts.straight_removal(1 << part, others, direction)
                 return self._free(part, remaining, removal, stage=self.name)
         return self._blocked(found, stage=self.name)
+
+    def _passes(self, part: int, direction: Float[np.ndarray, "3"], other: int) -> bool:
+        """Whether the part goes straight out past one other; the same directions come back for other sets of parts."""
+        key = (part, other, direction.tobytes())
+        if key not in self._known_passes:
+            self._known_passes[key] = passes(self.parts, part, np.zeros(3), direction, other)
+        return self._known_passes[key]
 
     def _leaning(self, part: int, others: list[int]) -> Float[np.ndarray, "3"] | None:
         """A straight way out near to a line of the part, or to where its contacts let it go most."""
