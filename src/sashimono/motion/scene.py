@@ -1,7 +1,7 @@
 """What one part may run into while it moves: the table, the fixed parts, the parts still resting.
 
 A motion between two poses is certified continuously by conservative advancement: from
-a pose with gap g nothing is hit within a displacement of g. Cheap lower bounds of the
+a pose with gap g nothing is hit within a displacement of g, forwards and back. Cheap lower bounds of the
 gap come from slabs along fixed directions (discrete oriented polytopes); exact
 distances between meshes are asked for only where these are too small.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -174,26 +175,36 @@ class Scene:
         return self._advance(T_a, twist, length, table)
 
     def _advance(self, T_a: Float[np.ndarray, "4 4"], twist: Float[np.ndarray, "6"], length: float, table: bool):
+        """Look at poses along the edge until the intervals that their gaps certify cover it.
+
+        A gap g certifies the clearance's half as far as g less that half, to both sides. So the next pose is looked at
+        beyond the end of what is certified, as far again as the last pose reached; if a hole is left, in its middle.
+        """
         near = self.clearance + 0.1 * self.moving.size  # below this a slab bound is not worth a step
-        remembered = np.full(len(self.obstacles), -np.inf)
-        moved, last, lowest, distances = 0.0, np.inf, np.inf, 0
-        step = 0.0
+        known = np.full(len(self.obstacles), -np.inf)
+        known_at = np.zeros(len(self.obstacles))
+        distances = 0
         # on a straight way the extents only shift, and nothing is nearer to the table than at one of its ends
         spans = None if twist[3:].any() else self.moving.support(T_a, self._directions)
         table_limits = table and spans is None
+        lowest = np.inf
         if table and spans is not None:
             lowest = self.slab_gaps(_along(T_a, twist, 1.0))[1]
             if lowest < self.clearance:
                 return _blocked("table", lowest, 1, distances)
+        looks: list[tuple[float, float]] = []
+        beyond: list[tuple[float, float]] = []
+        certified, reach, at = 0.0, 0.0, 0.0
         for poses in range(1, self._max_checks + 1):
-            T = _along(T_a, twist, moved / length)
+            T = _along(T_a, twist, at / length)
             slabs, table_gap = self.slab_gaps(T) if spans is None else self._gaps(*spans, T[:3, 3] - T_a[:3, 3])
-            gaps = np.maximum(slabs, remembered)
+            gaps = np.maximum(slabs, known - np.abs(at - known_at))
             nearest = table_gap if table_limits else np.inf
             for k in np.argsort(gaps, kind="stable").tolist():
                 if gaps[k] >= min(near, nearest):
                     break  # it is no nearer than what limits the step
-                gaps[k] = remembered[k] = self.distance(T, k)
+                gaps[k] = known[k] = self.distance(T, k)
+                known_at[k] = at
                 distances += 1
                 if gaps[k] < self.clearance:
                     return _blocked(self.obstacles[k].body.name, float(gaps[k]), poses, distances)
@@ -201,15 +212,27 @@ class Scene:
             if table and table_gap < self.clearance:
                 return _blocked("table", table_gap, poses, distances)
             gap = min(float(gaps.min(initial=np.inf)), table_gap if table_limits else np.inf)
-            lowest = min(lowest, gap, (last + gap - step) / 2.0, table_gap if table else np.inf)
-            if moved == length:
-                return EdgeCheck(free=True, min_gap=lowest, blocked_by=None, poses=poses, distances=distances)
-            step = min(gap - self.clearance / 2.0, length - moved)
-            # land on the end exactly
-            moved = length if step >= length - moved else moved + step
-            remembered -= step
-            last = gap
+            lowest = min(lowest, table_gap if table else np.inf)
+            looks.append((at, gap))
+            beyond.append((at, gap - self.clearance / 2.0))
+            while beyond and beyond[-1][0] - beyond[-1][1] <= certified:
+                place, reach = beyond.pop()
+                certified = max(certified, place + reach)
+            if beyond:
+                at = (certified + beyond[-1][0] - beyond[-1][1]) / 2.0
+            elif any(place == length for place, _ in looks):
+                return EdgeCheck(
+                    free=True, min_gap=min(lowest, _lowest(looks)), blocked_by=None, poses=poses, distances=distances
+                )
+            else:
+                at = min(certified + reach, length)  # lands on the end exactly
         return _blocked(None, 0.0, self._max_checks, distances)
+
+
+def _lowest(looks: list[tuple[float, float]]) -> float:
+    """A lower bound of the gap along a way, from gaps at some places: it changes by no more than the way between."""
+    between = ((a + b - (v - u)) / 2.0 for (u, a), (v, b) in pairwise(sorted(looks)))
+    return min([*(gap for _, gap in looks), *between])
 
 
 def _blocked(name: str | None, gap: float, poses: int, distances: int) -> EdgeCheck:
