@@ -41,6 +41,13 @@ _JAM = 0.05
 _SINKINGS = 6
 """Ways to let a part down, from that gap to where it would have closed, or to the smaller part's smallest extent."""
 
+_FIRST_FORCES = 400
+"""Forces that the linear program begins with."""
+_MORE_FORCES = 200
+"""Most forces that join it at a time: those that the motion works against most."""
+_ALLOWED = 1e-7
+"""Work against a force that counts as none; as HiGHS has it."""
+
 
 class _Contact(NamedTuple):
     """Points at which one part can push another, and the directions into the pushed one; world frame."""
@@ -169,17 +176,27 @@ class PlacedParts:
         if not work:
             return np.ones(count, dtype=bool)
         resisted = -vstack(work, format="csr")
-        answer = linprog(
-            -np.tile(downward, count),
-            A_ub=resisted,
-            b_ub=np.zeros(resisted.shape[0]),
-            bounds=(-1.0, 1.0),
-            method="highs",
-        )
-        if answer.x is None:  # HiGHS gave up: nothing is shown to stand
-            return np.ones(count, dtype=bool)
-        if -answer.fun <= self._config.hold_tolerance:
-            return np.zeros(count, dtype=bool)
+        # few forces decide: those that the motion allowed by the others works against join them, until there is none
+        used = np.zeros(resisted.shape[0], dtype=bool)
+        used[:: max(1, len(used) // _FIRST_FORCES)] = True
+        while True:
+            answer = linprog(
+                -np.tile(downward, count),
+                A_ub=resisted[used],
+                b_ub=np.zeros(int(used.sum())),
+                bounds=(-1.0, 1.0),
+                method="highs",
+            )
+            if answer.x is None:  # HiGHS gave up: nothing is shown to stand
+                return np.ones(count, dtype=bool)
+            if -answer.fun <= self._config.hold_tolerance:
+                return np.zeros(count, dtype=bool)
+            against = np.where(used, 0.0, resisted @ answer.x)
+            worst = np.argsort(-against, kind="stable")[:_MORE_FORCES]
+            worst = worst[against[worst] > _ALLOWED]
+            if not len(worst):
+                break
+            used[worst] = True
         falls = answer.x.reshape(count, 6) @ downward
         return falls >= min(float(falls.max()), self._config.hold_tolerance)
 

@@ -286,7 +286,7 @@ class _Search:
         stack, limit, queries = list(stack), self.limit, 0
         depth, at, beyond, near = -np.inf, 0.0, -np.inf, []
         while stack:
-            items = stack.pop()
+            items = _joined(stack)
             if len(items.node) > _CHUNK:
                 stack.append(items.take(np.arange(_CHUNK, len(items.node))))
                 items = items.take(np.arange(_CHUNK))
@@ -307,6 +307,21 @@ class _Search:
         else:
             return Sweep(holds=True, exhausted=False, depth=depth, at=at, queries=queries, near=_sorted(near))
         return Sweep(holds=False, exhausted=beyond <= limit, depth=depth, at=at, queries=queries, near=_sorted(near))
+
+
+def _joined(stack: list[_Items]) -> _Items:
+    """Take the last items off the stack, as many as fit in a chunk: a look at many costs little more."""
+    taken = [stack.pop()]
+    count = len(taken[0].node)
+    while stack and count + len(stack[-1].node) <= _CHUNK:
+        taken.append(stack.pop())
+        count += len(taken[-1].node)
+    if len(taken) == 1:
+        return taken[0]
+    node, stretch, u, half = (
+        np.concatenate([getattr(items, name) for items in taken]) for name in ("node", "stretch", "u", "half")
+    )
+    return _Items(node=node, stretch=stretch, u=u, half=half)
 
 
 def _sorted(times: list[np.ndarray]) -> np.ndarray:
