@@ -84,27 +84,45 @@ def _wind(vertices, faces, winding):  # pragma: no cover - compiled
 def _strip(vertices, faces, radius, winding):  # pragma: no cover - compiled
     """Clear the lattice points nearer than the radius to a triangle, walking along each one's plane."""
     shape = np.array(winding.shape)
-    at = np.empty(3, np.int64)
+    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+    normal, at = np.empty(3), np.empty(3, np.int64)
+    triangle = np.empty((3, 3))
     for f in range(faces.shape[0]):
-        triangle = vertices[faces[f]]
-        a, b, c = triangle[0], triangle[1], triangle[2]
-        normal = np.cross(b - a, c - a)
-        length = np.sqrt((normal * normal).sum())
-        if length == 0.0:
+        is_near = True
+        for axis in range(3):
+            a, b, c = vertices[faces[f, 0], axis], vertices[faces[f, 1], axis], vertices[faces[f, 2], axis]
+            first[axis] = max(0, int(np.ceil(min(a, b, c) - radius)))
+            last[axis] = min(shape[axis] - 1, int(np.floor(max(a, b, c) + radius)))
+            triangle[0, axis], triangle[1, axis], triangle[2, axis] = a, b, c
+            if first[axis] > last[axis]:
+                is_near = False
+                break
+        if not is_near:
             continue
-        normal /= length
-        w = int(np.argmax(np.abs(normal)))
+        squared = 0.0
+        for axis in range(3):
+            u, v = (axis + 1) % 3, (axis + 2) % 3
+            normal[axis] = (triangle[1, u] - triangle[0, u]) * (triangle[2, v] - triangle[0, v]) - (
+                triangle[1, v] - triangle[0, v]
+            ) * (triangle[2, u] - triangle[0, u])
+            squared += normal[axis] * normal[axis]
+        if squared == 0.0:
+            continue
+        w = 0
+        for axis in range(3):
+            normal[axis] /= np.sqrt(squared)
+            if abs(normal[axis]) > abs(normal[w]):
+                w = axis
         u, v = (w + 1) % 3, (w + 2) % 3
-        low_u, high_u = min(a[u], b[u], c[u]) - radius, max(a[u], b[u], c[u]) + radius
-        low_v, high_v = min(a[v], b[v], c[v]) - radius, max(a[v], b[v], c[v]) + radius
-        low_w, high_w = min(a[w], b[w], c[w]) - radius, max(a[w], b[w], c[w]) + radius
         half = radius / abs(normal[w])
-        for i in range(max(0, int(np.ceil(low_u))), min(shape[u] - 1, int(np.floor(high_u))) + 1):
-            for j in range(max(0, int(np.ceil(low_v))), min(shape[v] - 1, int(np.floor(high_v))) + 1):
-                middle = a[w] - (normal[u] * (i - a[u]) + normal[v] * (j - a[v])) / normal[w]
-                first = max(0, int(np.ceil(max(middle - half, low_w))))
-                last = min(shape[w] - 1, int(np.floor(min(middle + half, high_w))))
-                for k in range(first, last + 1):
+        for i in range(first[u], last[u] + 1):
+            for j in range(first[v], last[v] + 1):
+                middle = (
+                    triangle[0, w] - (normal[u] * (i - triangle[0, u]) + normal[v] * (j - triangle[0, v])) / normal[w]
+                )
+                for k in range(
+                    max(first[w], int(np.ceil(middle - half))), min(last[w], int(np.floor(middle + half))) + 1
+                ):
                     at[u], at[v], at[w] = i, j, k
                     if winding[at[0], at[1], at[2]] <= 0:
                         continue
