@@ -60,6 +60,8 @@ class Allowance:
 
     def __init__(self, most: int) -> None:
         self._left = most
+        self.refused = 0
+        """How often one more was asked for when none was left."""
 
     def renew(self, most: int) -> None:
         """Allow this many again."""
@@ -67,8 +69,11 @@ class Allowance:
 
     def take(self) -> bool:
         """Return whether one more may be asked, and take it away."""
+        if self._left <= 0:
+            self.refused += 1
+            return False
         self._left -= 1
-        return self._left >= 0
+        return True
 
 
 class HoldCounter:
@@ -97,10 +102,21 @@ class HoldCounter:
         for k, name in enumerate(contacts.names):
             if len(contacts.touching.on_table(name, table).points):
                 self._on_table |= 1 << k
+        self._joined = [t | b for t, b in zip(contacts.touched, contacts.bonded, strict=True)]
         self._exact: dict[int, int] = {}
+        self._bounds: dict[int, int] = {}
 
     def at_least(self, placed: int) -> int:
         """Return a lower bound of how many of the placed parts (a mask) must be held, as far as the budget goes."""
+        if placed in self._bounds:
+            return self._bounds[placed]
+        refused = self._allowance.refused
+        bound = self._bound(placed)
+        if self._allowance.refused == refused:  # else it may rise with the next budget
+            self._bounds[placed] = bound
+        return bound
+
+    def _bound(self, placed: int) -> int:
         groups = self.contacts.groups(placed)
         count, grounded = 0, 0
         for group in groups:
@@ -135,11 +151,10 @@ class HoldCounter:
         while frontier:
             reached = 0
             for part in bits(frontier):
-                reached |= self.contacts.touched[part] | self.contacts.bonded[part]
+                reached |= self._joined[part]
             frontier = reached & placed & ~seen
             seen |= frontier
-        joined = [t | b for t, b in zip(self.contacts.touched, self.contacts.bonded, strict=True)]
-        return len(_components(placed & ~seen, joined))
+        return len(_components(placed & ~seen, self._joined))
 
     def _names(self, mask: int) -> list[str]:
         return [self.contacts.names[k] for k in bits(mask)]
