@@ -10,16 +10,21 @@ from solids import assembly, box
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.translation.caging import Cages
 from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
 from sashimono.plan import Answer
 
 
-def test_a_wide_plate_with_play_on_a_small_rivet_is_proven_held() -> None:
-    """Its heads let it slide along the shank; the clearance is a thousandth of the plate's width."""
+def riveted_plate() -> Assembly:
+    """The rivet's heads let the plate slide along the shank; the clearance is a thousandth of the plate's width."""
     rivet = Manifold.cylinder(0.012, 0.001, 0.001, 12) + Manifold.cylinder(0.002, 0.002, 0.002, 12)
     rivet += Manifold.cylinder(0.002, 0.002, 0.002, 12).translate((0, 0, 0.012))
     hole = Manifold.cylinder(0.1, 0.00104, 0.00104, 12, True)
-    parts = assembly(plate=box((0.04, 0.04, 0.002), (0.01, 0.01, 0.006)) - hole, rivet=rivet)
+    return assembly(plate=box((0.04, 0.04, 0.002), (0.01, 0.01, 0.006)) - hole, rivet=rivet)
+
+
+def test_a_wide_plate_with_play_on_a_small_rivet_is_proven_held() -> None:
+    parts = riveted_plate()
     said = Cascade(parts, make_bodies(parts), config=SeparateConfig()).separate(0, 0b11)
     assert said.answer is Answer.PROVEN_BLOCKED
 
@@ -60,3 +65,16 @@ def test_the_same_with_the_way_closed_is_held() -> None:
     parts = trough(0.015)
     cascade = Cascade(parts, make_bodies(parts), config=SeparateConfig())
     assert cascade.translations.separate(0, 0b11, max_traced=0).removal is None
+
+
+def test_a_proof_put_off_comes_to_the_same_as_one_in_one_go() -> None:
+    parts = riveted_plate()
+    there = Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
+    cages = Cages(there, config=SpaceConfig())
+    assert cages.prove(0, 0b10) == (1,)
+    attempt = cages.attempt(0, 0b10)
+    portions = [attempt.go_on(work=1) for _ in range(30)]
+    found = next(k for k, proof in enumerate(portions) if proof is not None)
+    assert found > 0, "one look was enough: this case does not show that a proof can be put off"
+    assert portions[found] == (1,)
+    assert portions[found + 1 :] == [None] * (29 - found), "what is proven is not looked at again"

@@ -14,7 +14,7 @@ from sashimono.bodies import make_bodies
 from sashimono.pipeline import PipelineConfig, plan_assembly
 from sashimono.plan import AssemblyPlan, Table
 from sashimono.stability import StabilityConfig, Statics, Touching, fewest_held
-from sashimono.verify import Verifier, VerifyConfig, VerifyReport, verify_plan
+from sashimono.verify import Verifier, VerifyConfig, VerifyReport, holding, verify_plan
 from sashimono.verify.body import SampledBody
 from sashimono.verify.holding import PlacedParts
 
@@ -165,3 +165,15 @@ def test_what_comes_from_below_declares_a_fixture() -> None:
         assert plan.fixture.parts == (plan.order[0],)
         assert plan.fixture.height > 0.0
     assert all(not step.hold_problems for step in verify_plan(plan, parts).steps)
+
+
+@pytest.mark.parametrize("first", [1, 40, 10**9])
+def test_however_few_forces_the_program_begins_with_the_same_falls(monkeypatch: pytest.MonkeyPatch, first: int) -> None:
+    monkeypatch.setattr(holding, "_FIRST_FORCES", first)
+    monkeypatch.setattr(holding, "_MORE_FORCES", 5)
+    assert falling(tower(0.0, 0.008, 0.0085), 0.0) == []
+    assert falling(tower(0.0, 0.012), 0.0) == ["c1"]
+    rings = assembly(post=rod(0.004, 0.05), ring=rod(0.012, 0.01) - rod(0.0041, 0.03))
+    low = float(rings.parts[0].vertices_world[:, 2].min())
+    assert falling(rings, low) == ["ring"]
+    assert falling(rings, low, held=("ring",)) == []
