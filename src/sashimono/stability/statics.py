@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
@@ -127,12 +126,15 @@ class Statics:
         free = {k for k, group in enumerate(groups) if not set(group) & set(fixed)}
         pushes = {}
         roots = _Roots(len(groups))
-        for i, j in combinations(range(len(groups)), 2):
-            # what two fixed groups do to one another concerns nobody
-            if (i in free or j in free) and (push := self._push(groups[i], groups[j])) is not None:
-                pushes[i, j] = push
-                if i in free and j in free:
-                    roots.join(i, j)
+        owner = {name: k for k, group in enumerate(groups) for name in group}
+        for i, group in enumerate(groups):
+            around = {owner[other] for name in group for other in self.touching.around(name) if other in owner}
+            for j in sorted(k for k in around if k > i):
+                # what two fixed groups do to one another concerns nobody
+                if (i in free or j in free) and (push := self._push(group, groups[j])) is not None:
+                    pushes[i, j] = push
+                    if i in free and j in free:
+                        roots.join(i, j)
         together: dict[int, list[int]] = {}
         for k in sorted(free):
             together.setdefault(roots.find(k), []).append(k)
@@ -141,9 +143,11 @@ class Statics:
     def _groups(self, placed: Sequence[str]) -> list[Group]:
         """Rigid groups: parts that are fastened to one another, in the order of placing."""
         roots = _Roots(len(placed))
-        for (i, first), (j, second) in combinations(enumerate(placed), 2):
-            if self.touching.fastened(first, second):
-                roots.join(i, j)
+        place = {name: k for k, name in enumerate(placed)}
+        for i, name in enumerate(placed):
+            for other in self.touching.joined(name):
+                if other in place:
+                    roots.join(i, place[other])
         groups: dict[int, list[str]] = {}
         for k, name in enumerate(placed):
             groups.setdefault(roots.find(k), []).append(name)

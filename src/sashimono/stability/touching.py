@@ -58,6 +58,8 @@ class Touching:
         self._depths: dict[frozenset[str], float] = {}
         self._touches: dict[tuple[str, str], Touch] = {}
         self._carrying: dict[tuple[str, str, bytes], Touch] = {}
+        self._around: dict[str, frozenset[str]] = {}
+        self._joined: dict[str, frozenset[str]] = {}
         corners = {name: _box_corners(body) for name, body in bodies.items()}
         self._boxes = {
             name: np.array([seen.min(axis=0), seen.max(axis=0)])
@@ -68,6 +70,7 @@ class Touching:
         """Return the same with more pairs that are fastened anyway; what was worked out before is not asked again."""
         out = copy(self)
         # touching points are the same, and shared; what is fastened is its own
+        out._joined = {}
         out._fastened = self._fastened | {frozenset(pair): True for pair in pairs}
         return out
 
@@ -138,6 +141,20 @@ class Touching:
             least = min(self.bodies[first].smallest_extent, self.bodies[second].smallest_extent)
             self._fastened[key] = self.depth(first, second) > self.config.fastened * least
         return self._fastened[key]
+
+    def joined(self, name: str) -> frozenset[str]:
+        """Return the names of all bodies that are fastened to one."""
+        if name not in self._joined:
+            others = (other for other in self.bodies if other != name)
+            self._joined[name] = frozenset(other for other in others if self.fastened(name, other))
+        return self._joined[name]
+
+    def around(self, name: str) -> frozenset[str]:
+        """Return the names of all bodies whose boxes are near enough to one's to touch it."""
+        if name not in self._around:
+            others = (other for other in self.bodies if other != name)
+            self._around[name] = frozenset(other for other in others if self._near(name, other, self._gap(name, other)))
+        return self._around[name]
 
     def on_table(self, name: str, table: Table) -> Touch:
         """Return where the body stands on the table: corners of its convex hull."""

@@ -87,6 +87,8 @@ class PlacedParts:
         self._depths: dict[frozenset[str], float] = {}
         self._boxes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._skins: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._joined: dict[str, frozenset[str]] = {}
+        self._neighbours: dict[str, frozenset[str]] = {}
 
     def hold_problems(
         self, steps: Sequence[Step], table: Table | None, fixture: Fixture | None
@@ -136,7 +138,8 @@ class PlacedParts:
         clamping = self._clamping(groups)
         work = []
         for i, first in enumerate(placed):
-            for second in (*placed[:i], None):
+            near = self._near(first)
+            for second in (*(name for name in placed[:i] if name in near), None):
                 if (second is not None and owner[first] == owner[second]) or not {first, second} & set(place):
                     continue
                 contact = self._on_table(first, table) if second is None else self._wedged(first, second, table.normal)
@@ -160,12 +163,15 @@ class PlacedParts:
         signed = zip(pair, (1.0, -1.0), strict=True)
         sides = [(place[name], sign) for name, sign in signed if name is not None and name in place]
         least = min(weights[k] for k, _ in sides)
-        work = np.zeros((len(points), 6 * len(masses)))
+        values = []
         for k, sign in sides:
             _, center, radius = masses[k]
             wrenches = np.concatenate([forces, np.cross(points - center, forces) / radius], axis=1)
-            work[:, 6 * k : 6 * k + 6] = sign * least / weights[k] * wrenches
-        return csr_array(work)
+            values.append(sign * least / weights[k] * wrenches)
+        columns = np.concatenate([np.arange(6 * k, 6 * k + 6) for k, _ in sides])
+        count, width = len(points), len(columns)
+        entries = (np.concatenate(values, axis=1).ravel(), np.tile(columns, count), width * np.arange(count + 1))
+        return csr_array(entries, shape=(count, 6 * len(masses)))
 
     def _sinking(self, work: Sequence[csr_array], count: int, up: np.ndarray) -> np.ndarray:
         """Which groups sink in the worst motion: maximise what sinks, such that no touching force does negative work.
@@ -226,10 +232,32 @@ class PlacedParts:
     def _fastened_groups(self, placed: Sequence[str]) -> list[list[str]]:
         groups: list[list[str]] = []
         for name in placed:
-            joined = [group for group in groups if any(self._fastened(name, other) for other in group)]
+            fastened = self._fastened_to(name)
+            joined = [group for group in groups if not fastened.isdisjoint(group)]
             groups = [group for group in groups if group not in joined]
             groups.append([*(other for group in joined for other in group), name])
         return groups
+
+    def _fastened_to(self, name: str) -> frozenset[str]:
+        """All parts that are fastened to one."""
+        if name not in self._joined:
+            others = (other for other in self._bodies if other != name)
+            self._joined[name] = frozenset(other for other in others if self._fastened(name, other))
+        return self._joined[name]
+
+    def _near(self, name: str) -> frozenset[str]:
+        """All parts whose boxes are near enough to one's for the two to push one another."""
+        if name not in self._neighbours:
+            others = (other for other in self._bodies if other != name)
+            self._neighbours[name] = frozenset(
+                other for other in others if self._boxes_meet(name, other, self._gap(name, other))
+            )
+        return self._neighbours[name]
+
+    def _gap(self, first: str, second: str) -> float:
+        """Gap up to which two parts count as touching [m]."""
+        extents = self._bodies[first].smallest_extent, self._bodies[second].smallest_extent
+        return self._config.hold_gap * min(extents)
 
     def _fastened(self, first: str, second: str) -> bool:
         key = frozenset((first, second))
@@ -257,15 +285,18 @@ class PlacedParts:
     def _clamping(self, groups: Sequence[Sequence[str]]) -> set[frozenset[int]]:
         """Pairs of groups of which two parts of one, fastened to each other, push on the other from opposite sides."""
         found: set[frozenset[int]] = set()
+        near = [frozenset[str]().union(*map(self._near, group)) for group in groups]
         for a, clamp in enumerate(groups):
-            for b, between in enumerate(groups):
-                if a == b or len(clamp) == 1:
-                    continue
-                pushes = {jaw: np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in clamp}
-                jaws = (pair for pair in combinations(clamp, 2) if self._fastened(*pair))
-                if any((pushes[one] @ pushes[other].T < _OPPOSING).any() for one, other in jaws):
+            jaws = [pair for pair in combinations(clamp, 2) if pair[1] in self._fastened_to(pair[0])]
+            for b, between in enumerate(groups) if jaws else ():
+                if a != b and any(self._squeezes(pair, between) for pair in jaws if near[b].issuperset(pair)):
                     found.add(frozenset((a, b)))
         return found
+
+    def _squeezes(self, jaws: tuple[str, str], between: Sequence[str]) -> bool:
+        """Whether two parts push on what is between them from opposite sides."""
+        one, other = (np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in jaws)
+        return bool((one @ other.T < _OPPOSING).any())
 
     def _mass(self, group: Sequence[str]) -> tuple[float, np.ndarray, float]:
         volumes, centers = [], []
@@ -299,8 +330,7 @@ class PlacedParts:
     def _contact(self, first: str, second: str) -> _Contact:
         """Where the second part can push the first."""
         if (first, second) not in self._contacts:
-            least = min(self._bodies[first].smallest_extent, self._bodies[second].smallest_extent)
-            gap = self._config.hold_gap * least
+            gap = self._gap(first, second)
             points, normals = np.zeros((0, 3)), np.zeros((0, 3))
             if self._boxes_meet(first, second, gap):
                 on_first, back = self._meeting(first, second, gap)
@@ -333,7 +363,7 @@ class PlacedParts:
         key = (upper, lower, up.tobytes())
         if key not in self._jamming:
             a, b = self._bodies[upper], self._bodies[lower]
-            gap = self._config.hold_gap * min(a.smallest_extent, b.smallest_extent)
+            gap = self._gap(upper, lower)
             T = se3.inverse(self._poses[lower])
             deep = sampled_depth(a, b, T @ self._poses[upper]) + _JAM * gap
             sunk = self._poses[upper].copy()
