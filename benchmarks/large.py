@@ -23,6 +23,7 @@ import numpy as np
 import trimesh
 from common import SHARED, chosen, machine, parser, table, write_json
 from manifold3d import Manifold
+from second_opinion import leaves
 
 from sashimono.io.read import read_assembly
 
@@ -79,21 +80,12 @@ def measure(name: str, size: int, make: Callable[[int, Path], Path], limit: floa
             "parts": size,
             "exit": process.returncode,
             "status": "not planned" if plan is None else plan["status"],
-            "placed": 0 if plan is None else len(set(placed(plan["steps"]))),
+            "placed": 0 if plan is None else len(set(leaves(plan["steps"]))),
             "cpu s": round(usage.ru_utime + usage.ru_stime, 1),
             "wall s": round(time.perf_counter() - start, 1),
             "peak MB": usage.ru_maxrss // 1024,
             "verify s": None if plan is None else round(plan["timings"].get("verify", 0.0), 1),
         }
-
-
-def placed(steps: list[dict]) -> list[str]:
-    """Return the parts that steps bring, those of subassemblies one by one."""
-    return [
-        name
-        for step in steps
-        for name in (placed(step["subassembly"]["steps"]) if "subassembly" in step else [step["part"]])
-    ]
 
 
 def modules(count: int) -> tuple[Manifold, list[dict[str, Manifold]]]:

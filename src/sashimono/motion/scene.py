@@ -194,7 +194,7 @@ class Scene:
                 return _blocked("table", lowest, 1, distances)
         looks: list[tuple[float, float]] = []
         beyond: list[tuple[float, float]] = []
-        certified, reach, at = 0.0, 0.0, 0.0
+        certified, at = 0.0, 0.0
         for poses in range(1, self._max_checks + 1):
             T = _along(T_a, twist, at / length)
             slabs, table_gap = self.slab_gaps(T) if spans is None else self._gaps(*spans, T[:3, 3] - T_a[:3, 3])
@@ -214,13 +214,14 @@ class Scene:
             gap = min(float(gaps.min(initial=np.inf)), table_gap if table_limits else np.inf)
             lowest = min(lowest, table_gap if table else np.inf)
             looks.append((at, gap))
-            beyond.append((at, gap - self.clearance / 2.0))
+            place, reach = at, gap - self.clearance / 2.0
+            beyond.append((place, reach))
             while beyond and beyond[-1][0] - beyond[-1][1] <= certified:
                 place, reach = beyond.pop()
                 certified = max(certified, place + reach)
             if beyond:
                 at = (certified + beyond[-1][0] - beyond[-1][1]) / 2.0
-            elif any(place == length for place, _ in looks):
+            elif place == length:  # the last one taken off is the farthest
                 return EdgeCheck(
                     free=True, min_gap=min(lowest, _lowest(looks)), blocked_by=None, poses=poses, distances=distances
                 )

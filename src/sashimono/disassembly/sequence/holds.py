@@ -30,14 +30,15 @@ class Contacts:
         """By part: mask of those that can push it."""
         self.bonded = [0] * count
         """By part: mask of those that are rigidly joined to it."""
-        for i in range(count):
-            for j in range(i):
-                if touching.fastened(self.names[i], self.names[j]):
-                    self.bonded[i] |= 1 << j
-                    self.bonded[j] |= 1 << i
-                if len(touching.between(self.names[i], self.names[j]).points):
-                    self.touched[i] |= 1 << j
-                    self.touched[j] |= 1 << i
+        place = {name: k for k, name in enumerate(self.names)}
+        for i, name in enumerate(self.names):
+            for other in touching.joined(name) & place.keys():
+                self.bonded[i] |= 1 << place[other]
+            for other in touching.around(name) & place.keys():
+                if len(touching.between(name, other).points):
+                    self.touched[i] |= 1 << place[other]
+        self.attached = [t | b for t, b in zip(self.touched, self.bonded, strict=True)]
+        """By part: mask of both."""
 
     def groups(self, placed: int) -> list[int]:
         """Return the rigid groups of the placed parts, as masks."""
@@ -102,7 +103,6 @@ class HoldCounter:
         for k, name in enumerate(contacts.names):
             if len(contacts.touching.on_table(name, table).points):
                 self._on_table |= 1 << k
-        self._joined = [t | b for t, b in zip(contacts.touched, contacts.bonded, strict=True)]
         self._exact: dict[int, int] = {}
         self._bounds: dict[int, int] = {}
 
@@ -147,14 +147,8 @@ class HoldCounter:
 
     def _floating(self, placed: int, groups: Sequence[int], grounded: int) -> int:
         """How many clusters of touching groups are held by nothing: neither table, fixture, nor a held part in them."""
-        seen = frontier = grounded
-        while frontier:
-            reached = 0
-            for part in bits(frontier):
-                reached |= self._joined[part]
-            frontier = reached & placed & ~seen
-            seen |= frontier
-        return len(_components(placed & ~seen, self._joined))
+        attached = self.contacts.attached
+        return len(_components(placed & ~_reached(grounded, placed, attached), attached))
 
     def _names(self, mask: int) -> list[str]:
         return [self.contacts.names[k] for k in bits(mask)]
@@ -213,13 +207,18 @@ def _components(parts: int, joined: Sequence[int]) -> list[int]:
     out = []
     left = parts
     while left:
-        seen = frontier = left & -left
-        while frontier:
-            reached = 0
-            for part in bits(frontier):
-                reached |= joined[part]
-            frontier = reached & parts & ~seen
-            seen |= frontier
-        out.append(seen)
-        left &= ~seen
+        out.append(_reached(left & -left, parts, joined))
+        left &= ~out[-1]
     return out
+
+
+def _reached(start: int, parts: int, joined: Sequence[int]) -> int:
+    """Mask of what hangs together with the parts of a start, those included."""
+    seen = frontier = start
+    while frontier:
+        reached = 0
+        for part in bits(frontier):
+            reached |= joined[part]
+        frontier = reached & parts & ~seen
+        seen |= frontier
+    return seen
