@@ -93,12 +93,12 @@ def modules(count: int) -> tuple[Manifold, list[dict[str, Manifold]]]:
     bays, rest = divmod(count - 1, MODULE)
     bays += rest > 0
     rows = -(-bays // ROW)
-    wide, deep = PITCH * min(bays, ROW) + 0.01, PITCH * rows + 0.01
+    wide, deep = PITCH * min(bays, ROW), PITCH * rows
     frame = Manifold.cube((wide, deep, 0.05)).translate((-0.005, -0.005, -0.01))
     found: list[dict[str, Manifold]] = []
     for bay in range(bays):
         at = (PITCH * (bay % ROW), PITCH * (bay // ROW), 0.0)
-        frame -= Manifold.cube((0.0502, 0.0502, 0.1)).translate((at[0] + 0.0049, at[1] + 0.0049, 0.0))
+        frame -= Manifold.cube((0.0502, 0.0502, 0.1)).translate((at[0] - 0.0001, at[1] - 0.0001, 0.0))
         hole = Manifold.cylinder(0.1, 0.0021, 0.0021, 24)
         holes = hole.translate((0.015, 0.025, 0.002)) + hole.translate((0.035, 0.025, 0.002))
         tray = Manifold.cube((0.05, 0.05, 0.03)) - Manifold.cube((0.044, 0.044, 0.04)).translate((0.003, 0.003, 0.006))
