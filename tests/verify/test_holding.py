@@ -14,7 +14,7 @@ from sashimono.bodies import make_bodies
 from sashimono.pipeline import PipelineConfig, plan_assembly
 from sashimono.plan import AssemblyPlan, Table
 from sashimono.stability import StabilityConfig, Statics, Touching, fewest_held
-from sashimono.verify import Verifier, VerifyConfig, VerifyReport, holding, verify_plan
+from sashimono.verify import Verifier, VerifyConfig, VerifyReport, sinking, verify_plan
 from sashimono.verify.body import SampledBody
 from sashimono.verify.holding import PlacedParts
 
@@ -169,11 +169,31 @@ def test_what_comes_from_below_declares_a_fixture() -> None:
 
 @pytest.mark.parametrize("first", [1, 40, 10**9])
 def test_however_few_forces_the_program_begins_with_the_same_falls(monkeypatch: pytest.MonkeyPatch, first: int) -> None:
-    monkeypatch.setattr(holding, "_FIRST_FORCES", first)
-    monkeypatch.setattr(holding, "_MORE_FORCES", 5)
+    monkeypatch.setattr(sinking, "_FIRST_FORCES", first)
+    monkeypatch.setattr(sinking, "_MORE_FORCES", 5)
     assert falling(tower(0.0, 0.008, 0.0085), 0.0) == []
     assert falling(tower(0.0, 0.012), 0.0) == ["c1"]
     rings = assembly(post=rod(0.004, 0.05), ring=rod(0.012, 0.01) - rod(0.0041, 0.03))
     low = float(rings.parts[0].vertices_world[:, 2].min())
     assert falling(rings, low) == ["ring"]
     assert falling(rings, low, held=("ring",)) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sets_asked_one_after_another_say_what_each_says_alone(seed: int) -> None:
+    # towers beside one another on a slab, some of which tip, built up in any order, now and then with something held
+    rng = np.random.default_rng(seed)
+    solids = {"slab": box((0.3, 0.1, 0.01), (0.1, 0.0, -0.005))}
+    for k in range(4):
+        x = 0.06 * k
+        for high, shift in enumerate(np.cumsum(rng.uniform(-0.008, 0.008, 3))):
+            solids[f"t{k}_{high}"] = box((0.02, 0.02, 0.02), (x + shift, 0.0, 0.01 + 0.02 * high))
+    parts = assembly(**solids)
+    table = Table(normal=UP, offset=-0.01)
+    order = ["slab", *(f"t{k}_{high}" for high in range(3) for k in rng.permutation(4))]
+    one_after_another = placed_parts(parts)
+    for count in range(1, len(order) + 1):
+        placed = order[:count]
+        held = {str(name) for name in rng.choice(placed, rng.integers(0, 3))}
+        alone = placed_parts(parts).falling(placed, held, table)
+        assert one_after_another.falling(placed, held, table) == alone

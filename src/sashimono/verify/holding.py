@@ -16,8 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linprog
-from scipy.sparse import csr_array, vstack
 
 from sashimono.geometry import se3
 from sashimono.plan import Fixture, Step, Table
@@ -25,12 +23,12 @@ from sashimono.verify.body import SampledBody
 from sashimono.verify.bond import Bonds, is_around
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.overlap import sampled_depth
+from sashimono.verify.sinking import Group, Push, Sinking
 from sashimono.verify.structure import members
 from sashimono.verify.turning import tables_of
 
 _OPPOSING = -0.87
 _FACING = -0.65
-_LEAST_WEIGHT = 1e-4
 _INSET = 0.02
 _FLAT = 0.9
 """Cosine between up and a normal from which on one part lies on the other."""
@@ -40,13 +38,6 @@ _JAM = 0.05
 """How much deeper a part gets that something leaning carries, over the gap at which parts touch."""
 _SINKINGS = 6
 """Ways to let a part down, from that gap to where it would have closed, or to the smaller part's smallest extent."""
-
-_FIRST_FORCES = 400
-"""Forces that the linear program begins with."""
-_MORE_FORCES = 200
-"""Most forces that join it at a time: those that the motion works against most."""
-_ALLOWED = 1e-7
-"""Work against a force that counts as none; as HiGHS has it."""
 
 
 class _Contact(NamedTuple):
@@ -89,6 +80,9 @@ class PlacedParts:
         self._skins: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._joined: dict[str, frozenset[str]] = {}
         self._neighbours: dict[str, frozenset[str]] = {}
+        self._groups: dict[tuple[str, ...], Group] = {}
+        self._pushes: dict[tuple[str, str | None, bool, bytes, float], Push] = {}
+        self._sinking: dict[tuple[bytes, float], Sinking] = {}
 
     def hold_problems(
         self, steps: Sequence[Step], table: Table | None, fixture: Fixture | None
@@ -130,81 +124,31 @@ class PlacedParts:
         loose = [group for group in groups if not set(group) & set(held)]
         if not loose:
             return []
-        place = {name: k for k, group in enumerate(loose) for name in group}
-        masses = [self._mass(group) for group in loose]
-        heaviest = max(mass[0] for mass in masses)
-        weights = [max(mass[0], _LEAST_WEIGHT * heaviest) for mass in masses]
+        free = {name for group in loose for name in group}
         owner = {name: k for k, group in enumerate(groups) for name in group}
         clamping = self._clamping(groups)
-        work = []
-        for i, first in enumerate(placed):
-            near = self._near(first)
-            for second in (*(name for name in placed[:i] if name in near), None):
-                if (second is not None and owner[first] == owner[second]) or not {first, second} & set(place):
-                    continue
-                contact = self._on_table(first, table) if second is None else self._wedged(first, second, table.normal)
-                if len(contact.points):
+        pushes = []
+        before: set[str] = set()
+        for first in placed:
+            # in an order of their own, so that the same parts give the same program
+            for second in (*sorted(self._near(first) & before), None):
+                if (second is None or owner[first] != owner[second]) and not free.isdisjoint((first, second)):
                     clamped = second is not None and frozenset((owner[first], owner[second])) in clamping
-                    points, forces = self._forces(contact, table.normal, clamped)
-                    work.append(self._work(points, forces, (first, second), place, masses, weights))
-        sinking = self._sinking(work, len(loose), table.normal)
+                    pushes.append(self._push(first, second, table, clamped))
+            before.add(first)
+        key = (table.normal.tobytes(), table.offset)
+        if key not in self._sinking:
+            self._sinking[key] = Sinking(table.normal, self._config.hold_tolerance)
+        sinking = self._sinking[key]([self._group(each) for each in loose], [p for p in pushes if len(p.points)])
         return [name for k, group in enumerate(loose) if sinking[k] for name in group]
 
-    def _work(
-        self,
-        points: np.ndarray,
-        forces: np.ndarray,
-        pair: tuple[str, str | None],
-        place: Mapping[str, int],
-        masses: Sequence[tuple[float, np.ndarray, float]],
-        weights: Sequence[float],
-    ) -> csr_array:
-        """Work of the forces between two parts, one a row, per unit of motion of each loose group."""
-        signed = zip(pair, (1.0, -1.0), strict=True)
-        sides = [(place[name], sign) for name, sign in signed if name is not None and name in place]
-        least = min(weights[k] for k, _ in sides)
-        values = []
-        for k, sign in sides:
-            _, center, radius = masses[k]
-            wrenches = np.concatenate([forces, np.cross(points - center, forces) / radius], axis=1)
-            values.append(sign * least / weights[k] * wrenches)
-        columns = np.concatenate([np.arange(6 * k, 6 * k + 6) for k, _ in sides])
-        count, width = len(points), len(columns)
-        entries = (np.concatenate(values, axis=1).ravel(), np.tile(columns, count), width * np.arange(count + 1))
-        return csr_array(entries, shape=(count, 6 * len(masses)))
-
-    def _sinking(self, work: Sequence[csr_array], count: int, up: np.ndarray) -> np.ndarray:
-        """Which groups sink in the worst motion: maximise what sinks, such that no touching force does negative work.
-
-        Motions are counted in units in which each group has the same weight; none is faster than 1.
-        """
-        downward = np.concatenate([-up, np.zeros(3)])
-        if not work:
-            return np.ones(count, dtype=bool)
-        resisted = -vstack(work, format="csr")
-        # few forces decide: those that the motion allowed by the others works against join them, until there is none
-        used = np.zeros(resisted.shape[0], dtype=bool)
-        used[:: max(1, len(used) // _FIRST_FORCES)] = True
-        while True:
-            answer = linprog(
-                -np.tile(downward, count),
-                A_ub=resisted[used],
-                b_ub=np.zeros(int(used.sum())),
-                bounds=(-1.0, 1.0),
-                method="highs",
-            )
-            if answer.x is None:  # HiGHS gave up: nothing is shown to stand
-                return np.ones(count, dtype=bool)
-            if -answer.fun <= self._config.hold_tolerance:
-                return np.zeros(count, dtype=bool)
-            against = np.where(used, 0.0, resisted @ answer.x)
-            worst = np.argsort(-against, kind="stable")[:_MORE_FORCES]
-            worst = worst[against[worst] > _ALLOWED]
-            if not len(worst):
-                break
-            used[worst] = True
-        falls = answer.x.reshape(count, 6) @ downward
-        return falls >= min(float(falls.max()), self._config.hold_tolerance)
+    def _push(self, first: str, second: str | None, table: Table, clamped: bool) -> Push:
+        key = (first, second, clamped, table.normal.tobytes(), table.offset)
+        if key not in self._pushes:
+            contact = self._on_table(first, table) if second is None else self._wedged(first, second, table.normal)
+            forces = self._forces(contact, table.normal, clamped) if len(contact.points) else contact
+            self._pushes[key] = Push(first, second, *forces)
+        return self._pushes[key]
 
     def _forces(self, contact: _Contact, up: np.ndarray, clamped: bool) -> tuple[np.ndarray, np.ndarray]:
         """Points and edges of the friction cones about the normals, some of them level; on steep walls, only those."""
@@ -229,13 +173,21 @@ class PlacedParts:
         ]
         return np.tile(points, (len(forces), 1)), np.concatenate(forces)
 
-    def _fastened_groups(self, placed: Sequence[str]) -> list[list[str]]:
-        groups: list[list[str]] = []
+    def _fastened_groups(self, placed: Sequence[str]) -> list[tuple[str, ...]]:
+        """Parts that are fastened to one another, directly or through others; in the order of placing."""
+        order = {name: k for k, name in enumerate(placed)}
+        groups: list[tuple[str, ...]] = []
+        seen: set[str] = set()
         for name in placed:
-            fastened = self._fastened_to(name)
-            joined = [group for group in groups if not fastened.isdisjoint(group)]
-            groups = [group for group in groups if group not in joined]
-            groups.append([*(other for group in joined for other in group), name])
+            if name in seen:
+                continue
+            group, to_do = {name}, [name]
+            while to_do:
+                more = {other for other in self._fastened_to(to_do.pop()) if other in order} - group
+                group |= more
+                to_do += more
+            seen |= group
+            groups.append(tuple(sorted(group, key=order.__getitem__)))
         return groups
 
     def _fastened_to(self, name: str) -> frozenset[str]:
@@ -298,14 +250,16 @@ class PlacedParts:
         one, other = (np.concatenate([self._contact(name, jaw).normals for name in between]) for jaw in jaws)
         return bool((one @ other.T < _OPPOSING).any())
 
-    def _mass(self, group: Sequence[str]) -> tuple[float, np.ndarray, float]:
-        volumes, centers = [], []
-        for name in group:
-            volumes.append(self._bodies[name].volume)
-            centers.append(se3.apply(self._poses[name], self._bodies[name].center_of_mass[None])[0])
-        center = np.average(centers, axis=0, weights=volumes)
-        far = [np.linalg.norm(self._vertices(name) - center, axis=1).max() for name in group]
-        return float(sum(volumes)), center, float(max(far))
+    def _group(self, names: tuple[str, ...]) -> Group:
+        if names not in self._groups:
+            volumes, centers = [], []
+            for name in names:
+                volumes.append(self._bodies[name].volume)
+                centers.append(se3.apply(self._poses[name], self._bodies[name].center_of_mass[None])[0])
+            center = np.average(centers, axis=0, weights=volumes)
+            far = [np.linalg.norm(self._vertices(name) - center, axis=1).max() for name in names]
+            self._groups[names] = Group(names, float(sum(volumes)), center, float(max(far)))
+        return self._groups[names]
 
     def _vertices(self, name: str) -> Float[np.ndarray, "vertex 3"]:
         return se3.apply(self._poses[name], self._bodies[name].vertices)
