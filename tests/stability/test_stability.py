@@ -183,3 +183,23 @@ def test_walls_that_meet_in_an_edge_push_nothing() -> None:
     assert len(pushes.points) >= 3
     assert np.allclose(pushes.normals, -UP, atol=1e-6)
     assert holding(parts, -1.0, fixed=["plate"]).held == ()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sets_asked_one_after_another_are_held_as_each_is_alone(seed: int) -> None:
+    # towers beside one another on a slab, some of which tip, built up in any order; now and then one is in a fixture
+    rng = np.random.default_rng(seed)
+    solids = {"slab": box((0.3, 0.1, 0.01), (0.1, 0.0, -0.005))}
+    for k in range(4):
+        for high, shift in enumerate(np.cumsum(rng.uniform(-0.008, 0.008, 3))):
+            solids[f"t{k}_{high}"] = box((0.02, 0.02, 0.02), (0.06 * k + shift, 0.0, 0.01 + 0.02 * high))
+    parts = assembly(**solids)
+    touching = Touching(make_bodies(parts), {p.name: p.T_world_part for p in parts.parts}, config=StabilityConfig())
+    table = Table(normal=UP, offset=-0.01)
+    one_after_another = Statics(touching, table)
+    order = ["slab", *(f"t{k}_{high}" for high in range(3) for k in rng.permutation(4))]
+    for count in range(1, len(order) + 1):
+        placed = order[:count]
+        fixed = [str(name) for name in rng.choice(placed, rng.integers(0, 2))]
+        alone = fewest_held(Statics(touching, table), placed, fixed=fixed)
+        assert fewest_held(one_after_another, placed, fixed=fixed) == alone

@@ -8,8 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
+from sashimono.stability.component import Component
 from sashimono.stability.config import StabilityConfig
-from sashimono.stability.statics import Component, Statics
+from sashimono.stability.statics import Statics
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,99 +12,14 @@ unless two fastened parts clamp what lies between them.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linprog, nnls
-from scipy.sparse import csc_array, eye_array, hstack
 
 from sashimono.geometry import se3
 from sashimono.plan import Table
+from sashimono.stability.component import Block, Component, Group, Wrenches
 from sashimono.stability.touching import Touch, Touching
-
-Group = tuple[str, ...]
-"""Parts that are fastened to one another, in the order of placing."""
-Wrenches = Float[np.ndarray, "6 force"]
-"""What unit forces do to a group: force, and torque about its centre of mass over its radius."""
-
-_FEW_ROWS = 60
-"""Balances of so many rows and fewer are told by least squares first."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Component:
-    """Free rigid groups that hang together by touching, and the linear program of their balance."""
-
-    groups: tuple[Group, ...]
-    """Parts by group."""
-    wrenches: csc_array
-    """(6 a group, forces): what each unit force does to each group, over the group's weight and radius."""
-    wanted: Float[np.ndarray, "row"]
-    """What the forces must add up to."""
-    tolerance: float
-    """Imbalance that is accepted, in sum."""
-    alone: dict[tuple[Group, bytes], bool] = field(default_factory=dict)
-    """Which groups balance while all others are held, as far as that was asked, by what pushes them."""
-
-    @property
-    def forces(self) -> int:
-        """How many unit forces there are."""
-        return len(self.wrenches.indptr) - 1
-
-    def imbalance(self, held: Collection[int] = ()) -> Float[np.ndarray, "group"]:
-        """Return what stays unbalanced of each group if these are held, least in sum, over weight and radius.
-
-        Held groups take any wrench: nothing of theirs is unbalanced.
-        """
-        rows = len(self.wanted)
-        cost = np.ones((len(self.groups), 6))
-        cost[list(held)] = 0.0
-        cost = cost.reshape(-1)
-        forces = self.forces
-        # none of the forces costs anything; what they leave over does
-        answer = linprog(
-            np.concatenate([np.zeros(forces), cost, cost]),
-            A_eq=hstack([self.wrenches, eye_array(rows), -eye_array(rows)], format="csc"),
-            b_eq=self.wanted,
-            method="highs",
-        )
-        if answer.x is None:  # HiGHS gave up: nothing is shown to stand
-            return np.where(np.isin(np.arange(len(self.groups)), list(held)), 0.0, np.inf)
-        left = answer.x[forces : forces + rows] + answer.x[forces + rows :]
-        return (cost * left).reshape(-1, 6).sum(axis=1)
-
-    def needed(self) -> list[int]:
-        """Return the groups that do not balance though all others are held: each of them must be held itself."""
-        out = []
-        for k in range(len(self.groups)):
-            block = self.wrenches[6 * k : 6 * k + 6]
-            block = block[:, np.unique(block.nonzero()[1])].toarray()
-            key = (self.groups[k], block.tobytes())
-            if key not in self.alone:
-                one = replace(self, groups=(self.groups[k],), wrenches=csc_array(block), wanted=self.wanted[:6])
-                self.alone[key] = one.stands()
-            if not self.alone[key]:
-                out.append(k)
-        return out
-
-    def stands(self, held: Collection[int] = ()) -> bool:
-        """Return whether all others balance if these groups are held.
-
-        Of few groups, the least sum of squares that forces leave over tells nearly always, in a fraction of the time.
-        The least sum is no less than its root, and no more than that times the root of the number of rows.
-        """
-        free = np.repeat(~np.isin(np.arange(len(self.groups)), list(held)), 6)
-        if 0 < free.sum() <= _FEW_ROWS:
-            try:
-                _, left = nnls(self.wrenches[free].toarray(), self.wanted[free])
-            except RuntimeError:  # it gave up: the linear program is asked
-                left = np.nan
-            if np.sqrt(free.sum()) * left <= self.tolerance:
-                return True
-            if left > self.tolerance:
-                return False
-        return bool(self.imbalance(held).sum() <= self.tolerance)
 
 
 class Statics:
@@ -116,6 +31,7 @@ class Statics:
         self.table = table
         self.config = touching.config
         self._alone: dict[tuple[Group, bytes], bool] = {}
+        self._balanced: dict[tuple[Group, ...], np.ndarray] = {}
         self._pushes: dict[tuple[Group, Group], tuple[Wrenches, Wrenches] | None] = {}
         self._carries: dict[Group, Wrenches] = {}
         self._masses: dict[Group, tuple[float, Float[np.ndarray, "3"], float]] = {}
@@ -203,27 +119,24 @@ class Statics:
         row = {group: k for k, group in enumerate(members)}
         weights = np.array([self._mass(groups[k])[0] for k in members])
         weights = np.maximum(weights, self.config.least_weight * weights.max())
-        columns = [np.zeros((6 * len(members), 0))]
+        blocks = []
         for ends, push in pushes.items():
-            rows = [row[group] for group in ends if group in row]
-            block = np.zeros((6 * len(members), push[0].shape[1]))
-            for group, wrenches in zip(ends, push, strict=True):
-                if group in row:
-                    k = row[group]
-                    block[6 * k : 6 * k + 6] = wrenches * (weights[rows].min() / weights[k])
-            if rows:
-                columns.append(block)
-        for group in members:
-            carry = self._carry(groups[group])
-            block = np.zeros((6 * len(members), carry.shape[1]))
-            block[6 * row[group] : 6 * row[group] + 6] = carry
-            columns.append(block)
+            sides = [(row[k], own) for k, own in zip(ends, push, strict=True) if k in row]
+            if sides:
+                unit = float(min(weights[k] for k, _ in sides))
+                key = tuple(groups[k] for k in ends)
+                scaled = tuple(own * (unit / weights[k]) for k, own in sides)
+                blocks.append(Block(key, tuple(k for k, _ in sides), scaled, unit))
+        for k in members:
+            if (carry := self._carry(groups[k])).shape[1]:
+                blocks.append(Block((groups[k],), (row[k],), (carry,), float(weights[row[k]])))
         return Component(
             groups=tuple(groups[k] for k in members),
-            wrenches=csc_array(np.concatenate(columns, axis=1)),
+            blocks=tuple(blocks),
             wanted=np.tile(np.concatenate([self.table.normal, np.zeros(3)]), len(members)),
             tolerance=self.config.tolerance,
             alone=self._alone,
+            balanced=self._balanced,
         )
 
     def _mass(self, group: Group) -> tuple[float, Float[np.ndarray, "3"], float]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import ConvexHull, QhullError
 
 from sashimono.assembly import Assembly
 from sashimono.geometry import se3
@@ -36,14 +37,14 @@ def step_lookouts(plan: AssemblyPlan, played: Sequence[PlayedStep], assembly: As
     Neighbouring steps are seen from near places, if nothing speaks against it.
     """
     up = np.array(UP) if plan.table is None else plan.table.normal / np.linalg.norm(plan.table.normal)
-    meshes = {part.name: _coarse(part.vertices_part, part.faces) for part in assembly.parts}
+    solids = {part.name: _coarse(part.vertices_part, part.faces) for part in assembly.parts}
     last: Stand | None = None
     found: list[Lookout | None] = []
     for entry in played:
         if not entry.step.moves:
             found.append(None)
             continue
-        subject = _subject(plan, entry, meshes)
+        subject = _subject(plan, entry, solids)
         last = choose_stand(subject, up, last)
         R = look_from(up, last.azimuth, last.elevation)
         hiding = choose_glass(subject, R) if subject.fixed else frozenset()
@@ -51,13 +52,18 @@ def step_lookouts(plan: AssemblyPlan, played: Sequence[PlayedStep], assembly: As
     return tuple(found)
 
 
-def _coarse(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if len(faces) <= _COARSE:
-        return vertices, faces
-    return cluster_vertices(vertices, np.asarray(faces, dtype=np.int64), 5)
+def _coarse(vertices: np.ndarray, faces: np.ndarray) -> Solid:
+    """Return the simplified surface of a part, in the part's frame."""
+    if len(faces) > _COARSE:
+        vertices, faces = cluster_vertices(vertices, np.asarray(faces, dtype=np.int64), 5)
+    try:
+        corners = ConvexHull(vertices).vertices
+    except (QhullError, ValueError):  # few vertices, or all in a plane
+        corners = None
+    return Solid(points=vertices, faces=faces, color=np.ones(3), corners=corners)
 
 
-def _subject(plan: AssemblyPlan, entry: PlayedStep, meshes: dict[str, tuple[np.ndarray, np.ndarray]]) -> Subject:
+def _subject(plan: AssemblyPlan, entry: PlayedStep, parts: Mapping[str, Solid]) -> Subject:
     step = entry.step
     # a subassembly is put together on a bench: where its world frame is shown
     T_page = entry.poses[-1] @ se3.inverse(plan.parts[step.part])
@@ -65,13 +71,10 @@ def _subject(plan: AssemblyPlan, entry: PlayedStep, meshes: dict[str, tuple[np.n
     begin = entry.poses[start] @ se3.inverse(entry.poses[-1])
 
     def solids(names: Sequence[str], T: Float[np.ndarray, "4 4"]) -> tuple[Solid, ...]:
-        return tuple(
-            Solid(points=se3.apply(T @ plan.parts[name], meshes[name][0]), faces=meshes[name][1], color=np.ones(3))
-            for name in names
-        )
+        return tuple(replace(parts[name], points=se3.apply(T @ plan.parts[name], parts[name].points)) for name in names)
 
     target = solids(step.members, T_page)
-    points = np.concatenate([solid.points for solid in target])
+    points = np.concatenate([solid.outermost for solid in target])
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     ends = se3.apply(begin, middle[None])[0], middle
     direction = None if step.direction is None else T_page[:3, :3] @ step.direction

@@ -44,8 +44,8 @@ class Subject:
 
     @cached_property
     def points(self) -> Float[np.ndarray, "n 3"]:
-        """Of all of it."""
-        return np.concatenate([group.points for group in self.groups])
+        """Between which all of it lies."""
+        return np.concatenate([solid.outermost for solid in (*self.fixed, *self.moving, *self.target)])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,13 @@ class Solid:
     color: Float[np.ndarray, "3"]
     """Linear RGB."""
     glass: bool = False
+    corners: Int[np.ndarray, "corner"] | None = None
+    """Vertices between which all others lie; None if nobody looked."""
+
+    @property
+    def outermost(self) -> Float[np.ndarray, "n 3"]:
+        """The points between which all others lie."""
+        return self.points if self.corners is None else self.points[self.corners]
 
 
 def merged(solids: Sequence[Solid]) -> Solid:
