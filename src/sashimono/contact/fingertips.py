@@ -23,6 +23,9 @@ from sashimono.geometry.distance.signed_distance import nearest
 from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
+_RUN = 16
+"""Poses of a dense path whose surroundings are looked at together."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Fingertips:
@@ -87,6 +90,24 @@ class Passage:
             most=4 * (config.max_insertion_poses + config.max_transit_poses),
         )
         self._around = [(o.body, np.ascontiguousarray(se3.inverse(o.T_world_part))) for o in obstacles]
+        self._boxes = _world_boxes(obstacles)
+        self._reach = body.radius + 2.0 * largest
+        """How far from the part's centre a ball at its surface reaches."""
+        self._passed = self._on_path(self._reach)
+
+    def _on_path(self, reach: float) -> list[int]:
+        """Obstacles that something within this distance of the part's centre may meet on the path."""
+        poses = self.path.T_world_part
+        centers = poses[:, :3, :3] @ self._body.center + poses[:, :3, 3]
+        starts = np.arange(0, len(centers), _RUN)
+        low, high = np.minimum.reduceat(centers, starts), np.maximum.reduceat(centers, starts)
+        meets = np.zeros(len(self._around), dtype=np.bool_)
+        for lower, upper in zip(low - reach, high + reach, strict=True):
+            meets |= self._in_box(lower, upper)
+        return np.flatnonzero(meets).tolist()
+
+    def _in_box(self, low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "obstacle"]:
+        return ((self._boxes[:, 0] <= high) & (self._boxes[:, 1] >= low)).all(axis=1)
 
     @property
     def last(self) -> int:
@@ -112,7 +133,9 @@ class Passage:
             heights = (poses[:, :3, :3].transpose(0, 2, 1) @ n) @ centers.T + (poses[:, :3, 3] @ n)[:, None]
             low = heights < self._table.offset + limit
             reached = np.where(low.any(axis=0), low.argmax(axis=0) - 1, reached)
-        for body, T_body_world in self._around:
+        reach = float(np.linalg.norm(centers - self._body.center, axis=1).max(initial=0.0)) + limit
+        for k in self._passed if reach <= self._reach else self._on_path(reach):
+            body, T_body_world = self._around[k]
             _advance(centers, limit, poses, length, T_body_world, *body.signed_distance.arrays, reached)
             if (reached < 0).all():
                 break
@@ -128,7 +151,9 @@ class Passage:
         clear = np.ones(len(centers), dtype=np.bool_)
         if self._table is not None:
             clear &= np.minimum(starts @ self._table.normal, stops @ self._table.normal) >= self._table.offset + limit
-        for body, T_body_world in self._around:
+        both = np.concatenate([starts, stops]) if len(starts) else np.zeros((1, 3))
+        for k in np.flatnonzero(self._in_box(both.min(axis=0) - limit, both.max(axis=0) + limit)):
+            body, T_body_world = self._around[k]
             _way_off(
                 se3.apply(T_body_world, starts),
                 se3.apply(T_body_world, stops),
@@ -158,6 +183,17 @@ class Passage:
                 _way_off(se3.apply(T, centers), se3.apply(T, centers + ways), limit, *arrays, clear)
             out[:, k] = ~clear
         return out
+
+
+def _world_boxes(obstacles: Sequence[Obstacle]) -> Float[np.ndarray, "obstacle 2 3"]:
+    """Lowest and highest corner of a box around each obstacle, in the world."""
+    if not obstacles:
+        return np.zeros((0, 2, 3))
+    T = np.stack([obstacle.T_world_part for obstacle in obstacles])
+    bounds = np.stack([obstacle.body.bounds for obstacle in obstacles])
+    middle = np.einsum("nij,nj->ni", T[:, :3, :3], bounds.mean(axis=1)) + T[:, :3, 3]
+    half = np.einsum("nij,nj->ni", np.abs(T[:, :3, :3]), 0.5 * (bounds[:, 1] - bounds[:, 0]))
+    return np.stack([middle - half, middle + half], axis=1)
 
 
 def clear_of_itself(

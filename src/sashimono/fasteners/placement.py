@@ -14,7 +14,7 @@ from jaxtyping import Float
 from manifold3d import Error, Manifold
 
 from sashimono.assembly import Assembly
-from sashimono.fasteners.profile import free_radius
+from sashimono.fasteners.profile import contains_origin, free_radius, may_contain_origin
 from sashimono.geometry.features.directions import frame_along
 from sashimono.geometry.mesh.solid import to_manifold
 
@@ -139,14 +139,15 @@ def touches_ring(
     angles = 2.0 * np.pi * np.arange(12) / 12.0
     radius = 0.5 * (inner + outer)
     ways = radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    return any(free_radius([p - way for p in polygons])[2] for way in ways)
+    return any(contains_origin([p - way for p in polygons]) for way in ways)
 
 
 def _fit(polygons: Sequence[Float[np.ndarray, "_ 2"]], radius: float) -> float | None:
     """The radius of the hole around the axis over a radius, 0 in material; None where there is no closed hole."""
     if not polygons:
         return None
-    if free_radius(polygons)[2]:
+    polygons = [polygon for polygon in polygons if may_contain_origin(polygon)]
+    if contains_origin(polygons):
         return 0.0
     for polygon in polygons:
         following = np.roll(polygon, -1, axis=0)

@@ -362,6 +362,16 @@ def _centroid(polygon: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "2"]:
     return origin if total == 0.0 else origin + (cross[:, None] * (p + q)).sum(axis=0) / (3.0 * total)
 
 
+def may_contain_origin(polygon: Float[np.ndarray, "corner 2"]) -> bool:
+    """Return whether the origin is in a polygon's box."""
+    return bool((polygon.min(axis=0) <= 0.0).all() and (polygon.max(axis=0) >= 0.0).all())
+
+
+def contains_origin(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> bool:
+    """Return whether the origin is in material: inside an odd number of outlines and holes."""
+    return sum(_contains_origin(polygon) for polygon in polygons if may_contain_origin(polygon)) % 2 == 1
+
+
 def _contains_origin(polygon: Float[np.ndarray, "corner 2"]) -> bool:
     """Whether the origin is inside, by crossings of the ray along x."""
     a, b = polygon, _following(polygon)

@@ -9,6 +9,7 @@ distances between meshes are asked for only where these are too small.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -78,14 +79,9 @@ class Scene:
 
     def with_clearance(self, clearance: float) -> Scene:
         """Return the same scene with another clearance [m]."""
-        return Scene(
-            self.moving,
-            self.obstacles,
-            self.table,
-            self._directions[1:],
-            clearance=clearance,
-            max_checks=self._max_checks,
-        )
+        other = copy(self)
+        other.clearance = clearance
+        return other
 
     def top(self) -> float:
         """Return the greatest coordinate of any obstacle along the table's normal [m]; the table's if there is none."""

@@ -63,12 +63,16 @@ def choose_stand(subject: Subject, up: Float[np.ndarray, "3"], last: Stand | Non
     looks; and how near the place is to that of the picture before, so that the reader need not walk about. Only places
     that could still be the best are drawn.
     """
+    stands = [
+        (Stand(azimuth=azimuth, elevation=elevation), dislike)
+        for elevation, dislike in ELEVATIONS
+        for azimuth in AZIMUTHS
+    ]
+    turned = np.stack([look_from(up, stand.azimuth, stand.elevation) for stand, _ in stands])
     places = []
-    for elevation, dislike in ELEVATIONS:
-        for azimuth in AZIMUTHS:
-            stand, R = Stand(azimuth=azimuth, elevation=elevation), look_from(up, azimuth, elevation)
-            near = 0.45 * _nearness(stand, last) if last is not None else 0.05 * float(np.cos(azimuth + 0.8))
-            places.append((_slant(subject, R) + 0.3 * _size(subject, R) - dislike + near, stand, R))
+    for (stand, dislike), R, size in zip(stands, turned, _sizes(subject, turned), strict=True):
+        near = 0.45 * _nearness(stand, last) if last is not None else 0.05 * float(np.cos(stand.azimuth + 0.8))
+        places.append((_slant(subject, R) + 0.3 * float(size) - dislike + near, stand, R))
     places.sort(key=lambda place: -place[0])
     best, most = places[0][1], -np.inf
     for beside, stand, R in places:
@@ -92,11 +96,12 @@ def _slant(subject: Subject, R: Float[np.ndarray, "3 3"]) -> float:
     return min(1.0, float(np.linalg.norm(R[:2] @ subject.direction)) / 0.75)
 
 
-def _size(subject: Subject, R: Float[np.ndarray, "3 3"]) -> float:
+def _sizes(subject: Subject, R: Float[np.ndarray, "view 3 3"]) -> Float[np.ndarray, "view"]:
     """How large everything is seen, over the largest that a view could have."""
-    spread = np.prod(np.ptp(subject.points @ R[:2].T, axis=0))
+    seen = subject.points @ R[:, :2].reshape(-1, 3).T
+    spread = (seen.max(axis=0) - seen.min(axis=0)).reshape(-1, 2).prod(axis=1)
     largest = float(np.linalg.norm(np.ptp(subject.points, axis=0))) ** 2
-    return float(spread) / max(largest, 1e-18)
+    return spread / max(largest, 1e-18)
 
 
 class Visibility(NamedTuple):
