@@ -156,7 +156,7 @@ def test_the_points_that_are_kept_tell_what_all_points_would(seed: int, most: in
     built = scene.finished()
     if built is None:  # nothing of the obstacles was drawn
         return
-    labels, known = np.zeros(window, np.int64), np.zeros(window, np.bool_)
+    labels, known = np.zeros(window, np.int64), np.zeros(window, np.int64)
     own = part.shell
     for cell in np.ndindex(*window):
         mask = int(label(built, cell, labels, known))

@@ -2,6 +2,8 @@
 
 A proof needs only the part of the configuration space that the flood reaches. So the lattice starts narrow and grows
 only on the side where the flood comes out. That lets it be as fine as thin walls need.
+
+Where a flood has come out past some obstacles, it comes out past fewer of them: there it need not be done again.
 """
 
 from __future__ import annotations
@@ -14,14 +16,20 @@ from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.configuration_space import NESTED, Space, SpaceConfig
 
 
+_Key = tuple[int, tuple[int, ...]]
+"""Level and window of a lattice."""
+
+
 class Cages:
-    """Proofs for one part at a time. What was asked before makes an answer faster, never another."""
+    """Proofs for one part at a time. What was asked of it before makes an answer faster."""
 
     def __init__(self, parts: PlacedParts, *, config: SpaceConfig) -> None:
         self._parts = parts
         self._config = config
         self._part = -1
-        self._spaces: dict[tuple[int, tuple[int, ...]], Space] = {}
+        self._spaces: dict[_Key, Space] = {}
+        self._leaks: dict[_Key, list[tuple[int, tuple[int, int]]]] = {}
+        """By lattice: past which obstacles (a mask) its flood came out, and on which side."""
 
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
@@ -32,6 +40,7 @@ class Cages:
         if part != self._part:
             self._part = part
             self._spaces.clear()
+            self._leaks.clear()
         return Attempt(self._looks(others))
 
     def _looks(self, others: int) -> Iterator[tuple[int, tuple[int, ...] | None]]:
@@ -48,19 +57,26 @@ class Cages:
                 if work > left:
                     break
                 left -= work
-                flood = space.flood(others, max_visited=self._config.max_proof_visited)
-                if flood.blocked:
-                    yield work, space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
-                    return
+                leaks = self._leaks.setdefault(_key(k, window), [])
+                met = space.within_reach(others)
+                rim = next((rim for past, rim in leaks if not met & ~past), None)
+                if rim is None:
+                    flood = space.flood(others, max_visited=self._config.max_proof_visited)
+                    if flood.blocked:
+                        yield work, space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
+                        return
+                    rim = flood.rim
+                    if rim is not None:
+                        leaks.append((met, rim))
                 yield work, None
-                if flood.rim is None or space.window[flood.rim] == space.full[flood.rim]:
+                if rim is None or space.window[rim] == space.full[rim]:
                     break  # nothing left of the part, out of budget, or really out
                 window = window.copy()
-                window[flood.rim] *= self._config.proof_growth
+                window[rim] *= self._config.proof_growth
 
     def _space(self, level: int, window: np.ndarray) -> Space:
         """The lattice of one level, and before it those of the coarser ones that it builds on."""
-        key = (level, tuple(window.ravel().tolist()))
+        key = _key(level, window)
         if key not in self._spaces:
             parent = None if level == 0 else self._space(level - 1, (window + NESTED // 2) // NESTED)
             while len(self._spaces) >= self._config.max_proof_spaces:
@@ -70,6 +86,10 @@ class Cages:
                 self._parts, self._part, resolution, config=self._config, window=window, parent=parent
             )
         return self._spaces[key]
+
+
+def _key(level: int, window: np.ndarray) -> _Key:
+    return level, tuple(window.ravel().tolist())
 
 
 class Attempt:

@@ -139,7 +139,7 @@ class Space:
         size = shape if window is not None else shape + count - 1
         fits = np.prod(size, dtype=float) <= most
         self._labels = np.zeros(tuple(shape.tolist()) if fits else (0, 0, 0), np.int64)
-        self._known = np.zeros(self._labels.shape, np.bool_)
+        self._known = np.zeros(self._labels.shape, np.int64)
         self._parent = parent
         self._drawing = Drawing(parts, part, self.rotation, spacing=h, window=self.window, grown=grown)
         self._most = most
@@ -156,6 +156,10 @@ class Space:
         on which none do included."""
         return self._labels.size + sum(self._cells(bit) for bit in bits(self._bits_of(others)))
 
+    def within_reach(self, others: int) -> int:
+        """Return those of the obstacles (a mask of parts) that the part can meet on this lattice."""
+        return sum(1 << self.obstacles[bit] for bit in bits(self._bits_of(others)) if self._cells(bit))
+
     def _cells(self, bit: int) -> int:
         """Lattice points of a pair, 0 where they are too many to be drawn."""
         cells = self._drawing.region(self.obstacles[bit]).cells
@@ -171,7 +175,6 @@ class Space:
             if self._cells(bit):
                 self._builder.put(bit, *self._drawing.draw(self.obstacles[bit]))
         self._scene = self._builder.finished()
-        self._known[:] = False
         if self._parent is not None:
             self._labels |= self._parent.labels_around(self.window, missing)
         start = tuple(int(n) for n in self.window[0])

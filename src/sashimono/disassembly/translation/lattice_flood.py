@@ -29,25 +29,30 @@ class LatticeScene(NamedTuple):
     grid_low: Int[np.ndarray, "obstacle 3"]
     """First corner of each grid, from the corner of the common lattice, or of the part's own."""
     grid_shape: Int[np.ndarray, "obstacle 3"]
+    drawn: int
+    """The obstacles that are there to be met (bits)."""
 
 
 @njit(cache=True, nogil=True)
 def label(scene, cell, labels, known):  # pragma: no cover - compiled
     """Return the obstacles (bits) that a part, moved to a cell of the displacement lattice, runs into.
 
-    Those that a label holds before it is known stay in it.
+    ``known`` holds, by cell, those that were looked at. Those that a label holds before stay in it.
     """
     i, j, k = cell
-    if not known[i, j, k]:
+    left = scene.drawn & ~known[i, j, k]
+    if left != 0:
         mask = labels[i, j, k]
         for b in range(scene.is_own.shape[0]):
+            if not left >> b & 1:
+                continue
             box = scene.boxes[b]
             if i < box[0, 0] or j < box[0, 1] or k < box[0, 2] or i > box[1, 0] or j > box[1, 1] or k > box[1, 2]:
                 continue
             if not mask >> b & 1 and _meets(scene, b, i, j, k):
                 mask |= 1 << b
         labels[i, j, k] = mask
-        known[i, j, k] = True
+        known[i, j, k] = scene.drawn
     return labels[i, j, k]
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
+from numba import njit
 
 from sashimono.disassembly.translation.lattice_flood import LatticeScene
 
@@ -88,18 +89,33 @@ class LatticeSceneBuilder:
             grid_start=np.array(start, np.int64),
             grid_low=np.array([np.zeros(3) if d is None else d.first for d in self._grids], np.int64),
             grid_shape=np.array([np.zeros(3) if d is None else d.solid.shape for d in self._grids], np.int64),
+            drawn=sum(1 << bit for bit, drawn in enumerate(self._grids) if drawn is not None),
         )
 
 
 def shell(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "point 3"]:
     """Return the lattice points of a solid that have one of their six neighbours outside it, but no outermost ones."""
-    out = np.zeros_like(solid)
-    inner = solid[1:-1, 1:-1, 1:-1]
-    out[1:-1, 1:-1, 1:-1] = inner
-    inner = inner & solid[:-2, 1:-1, 1:-1] & solid[2:, 1:-1, 1:-1] & solid[1:-1, :-2, 1:-1]
-    inner &= solid[1:-1, 2:, 1:-1] & solid[1:-1, 1:-1, :-2] & solid[1:-1, 1:-1, 2:]
-    out[1:-1, 1:-1, 1:-1] &= ~inner
-    return np.argwhere(out)
+    out = np.empty((int(np.count_nonzero(solid)), 3), np.int64)
+    return out[: _shell(solid, out)]
+
+
+@njit(cache=True, nogil=True)
+def _shell(solid, out):  # pragma: no cover - compiled
+    count = 0
+    for i in range(1, solid.shape[0] - 1):
+        for j in range(1, solid.shape[1] - 1):
+            for k in range(1, solid.shape[2] - 1):
+                if solid[i, j, k] and not (
+                    solid[i - 1, j, k]
+                    and solid[i + 1, j, k]
+                    and solid[i, j - 1, k]
+                    and solid[i, j + 1, k]
+                    and solid[i, j, k - 1]
+                    and solid[i, j, k + 1]
+                ):
+                    out[count, 0], out[count, 1], out[count, 2] = i, j, k
+                    count += 1
+    return count
 
 
 def _within(
@@ -122,13 +138,27 @@ def _any_within(
     table: Int[np.ndarray, "x1 y1 z1"], low: Int[np.ndarray, "box 3"], high: Int[np.ndarray, "box 3"]
 ) -> Bool[np.ndarray, "box"]:
     """Whether a solid, by its summed table, may have a point in each box, both ends included; to the block."""
-    shape = np.array(table.shape) - 1
-    ends = np.stack([np.clip(low // _BLOCK, 0, shape), np.clip(high // _BLOCK + 1, 0, shape)])
-    total = np.zeros(len(low), np.int64)
-    for corner in np.ndindex(2, 2, 2):
-        x, y, z = (ends[side, :, axis] for axis, side in enumerate(corner))
-        total += (-1) ** (3 - sum(corner)) * table[x, y, z].astype(np.int64)
-    return total > 0
+    out = np.empty(len(low), np.bool_)
+    _look_up(table, low, high, out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _look_up(table, low, high, out):  # pragma: no cover - compiled
+    for n in range(low.shape[0]):
+        first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+        for axis in range(3):
+            most = table.shape[axis] - 1
+            first[axis] = min(max(low[n, axis] // _BLOCK, 0), most)
+            last[axis] = min(max(high[n, axis] // _BLOCK + 1, 0), most)
+        total = 0
+        for side in range(8):
+            x = last[0] if side & 4 else first[0]
+            y = last[1] if side & 2 else first[1]
+            z = last[2] if side & 1 else first[2]
+            lower = 3 - (side >> 2 & 1) - (side >> 1 & 1) - (side & 1)
+            total += -table[x, y, z] if lower & 1 else table[x, y, z]
+        out[n] = total > 0
 
 
 def _thinned(points: Int[np.ndarray, "point 3"], most: int) -> Int[np.ndarray, "_ 3"]:
