@@ -145,11 +145,19 @@ def advance_points(points, direction, length, limit, least_step, enough, boxes, 
     # pragma: no cover - compiled
     """What `advance_straight` returns; for compiled callers."""
     travel, stopper = np.inf, -1
+    # nearer to a side of the solid's box than the limit, nothing is deeper than that: what slides along it is soon told
+    core = boxes[0].copy()
+    for axis in range(3):
+        core[axis] += limit
+        core[3 + axis] -= limit
+        if core[axis] > core[3 + axis]:
+            return travel, stopper
     for k in range(points.shape[0]):
         x, y, z = points[k, 0], points[k, 1], points[k, 2]
-        t, stop = _box_range(x, y, z, direction, min(length, travel), boxes[0])
+        t, stop = _box_range(x, y, z, direction, min(length, travel), core)
         if stop < t:
             continue
+        t, stop = _box_range(x, y, z, direction, stop, boxes[0])
         outside = t > 0.0
         safe = t
         closest = -1
