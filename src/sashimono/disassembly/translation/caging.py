@@ -14,7 +14,7 @@ import numpy as np
 
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.configuration_space import NESTED, Space, SpaceConfig
-
+from sashimono.disassembly.translation.drawing import KeptSolids
 
 _Key = tuple[int, tuple[int, ...]]
 """Level and window of a lattice."""
@@ -28,6 +28,7 @@ class Cages:
         self._config = config
         self._part = -1
         self._spaces: dict[_Key, Space] = {}
+        self._kept = KeptSolids(most=config.max_kept)
         self._leaks: dict[_Key, list[tuple[int, tuple[int, int]]]] = {}
         """By lattice: past which obstacles (a mask) its flood came out, and on which side."""
 
@@ -41,6 +42,7 @@ class Cages:
             self._part = part
             self._spaces.clear()
             self._leaks.clear()
+            self._kept = KeptSolids(most=self._config.max_kept)
         return Attempt(self._looks(others))
 
     def _looks(self, others: int) -> Iterator[tuple[int, tuple[int, ...] | None]]:
@@ -83,7 +85,7 @@ class Cages:
                 self._spaces.pop(next(iter(self._spaces)))
             resolution = self._config.proof_resolutions[level]
             self._spaces[key] = Space(
-                self._parts, self._part, resolution, config=self._config, window=window, parent=parent
+                self._parts, self._part, resolution, config=self._config, window=window, parent=parent, kept=self._kept
             )
         return self._spaces[key]
 

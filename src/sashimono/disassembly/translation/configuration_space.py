@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
-from sashimono.disassembly.translation.drawing import Drawing
+from sashimono.disassembly.translation.drawing import Drawing, KeptSolids
 from sashimono.disassembly.translation.lattice_flood import (
     LatticeScene,
     cast,
@@ -62,6 +62,8 @@ class SpaceConfig:
     """Most lattice points around the part; the window of displacements is cut to fit."""
     max_proof_cells: int = 4_000_000
     """The same for a lattice that only proves."""
+    max_kept: int = 32_000_000
+    """Lattice points in sum of the solids that are kept for other lattices of the part at hand."""
     max_points: int = 1000
     """Most lattice points that stand for one pair of parts; of more, evenly many are taken."""
     max_visited: int = 200_000
@@ -107,10 +109,12 @@ class Space:
         window: Int[np.ndarray, "2 3"] | None = None,
         parent: Space | None = None,
         grown: bool = False,
+        kept: KeptSolids | None = None,
     ) -> None:
         """Draw the lattice. A window of displacements, in steps down and up, is cut to the way out only; without one
         the lattice is as wide as fits. What a parent, `NESTED` times as coarse, has as blocked is blocked here too.
-        ``grown``: a lattice that shows where there is room, and proves nothing.
+        ``grown``: a lattice that shows where there is room, and proves nothing. ``kept``: what other lattices of the
+        part have drawn.
         """
         self.config = config
         self.rotation = parts.frame(part)
@@ -141,7 +145,8 @@ class Space:
         self._labels = np.zeros(tuple(shape.tolist()) if fits else (0, 0, 0), np.int64)
         self._known = np.zeros(self._labels.shape, np.int64)
         self._parent = parent
-        self._drawing = Drawing(parts, part, self.rotation, spacing=h, window=self.window, grown=grown)
+        kept = kept or KeptSolids(most=config.max_kept)
+        self._drawing = Drawing(parts, part, self.rotation, spacing=h, window=self.window, kept=kept, grown=grown)
         self._most = most
         self._grown = grown
         self._drawn = 0

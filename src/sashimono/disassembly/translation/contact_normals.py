@@ -93,11 +93,11 @@ def escape_directions(
     worst = np.min(list(margins.values()), axis=0)
     best = float(worst.max())
     chosen: list[np.ndarray] = []
-    for k in np.argsort(-worst, kind="stable"):
-        if worst[k] < least or len(chosen) == most:
-            break
-        if all(directions[k] @ other < np.cos(np.radians(15.0)) for other in chosen):
-            chosen.append(directions[k])
+    left = np.argsort(-worst, kind="stable")
+    left = left[worst[left] >= least]
+    while len(left) and len(chosen) < most:
+        chosen.append(directions[left[0]])
+        left = left[directions[left] @ chosen[-1] < np.cos(np.radians(15.0))]
     return np.array(chosen).reshape(-1, 3), best
 
 

@@ -22,11 +22,13 @@ class Drawn(NamedTuple):
     solid: Bool[np.ndarray, "x y z"]
     first: Int[np.ndarray, "3"]
     """The lattice point of the box's first corner."""
+    rim: Int[np.ndarray, "point 3"] | None = None
+    """The solid's `shell`, from that corner, if somebody worked it out."""
 
     @property
     def shell(self) -> Int[np.ndarray, "point 3"]:
         """The points, but those of the outermost layer, that have one of their six neighbours outside the solid."""
-        return shell(self.solid) + self.first
+        return (shell(self.solid) if self.rim is None else self.rim) + self.first
 
 
 class LatticeSceneBuilder:
@@ -121,7 +123,17 @@ def _shell(solid, out):  # pragma: no cover - compiled
 def _within(
     points: Int[np.ndarray, "point 3"], low: Int[np.ndarray, "3"], high: Int[np.ndarray, "3"]
 ) -> Int[np.ndarray, "_ 3"]:
-    return points[((points >= low) & (points <= high)).all(axis=1)]
+    return points[_are_within(points, low, high)]
+
+
+@njit(cache=True, nogil=True)
+def _are_within(points, low, high):  # pragma: no cover - compiled
+    out = np.empty(len(points), np.bool_)
+    for n in range(len(points)):
+        out[n] = True
+        for axis in range(3):
+            out[n] &= low[axis] <= points[n, axis] <= high[axis]
+    return out
 
 
 def _summed(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "x1 y1 z1"]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -102,13 +103,16 @@ def direction_name(direction: Float[np.ndarray, "3"]) -> str:
     return "({:.2f}, {:.2f}, {:.2f})".format(*(direction + 0.0))
 
 
+@lru_cache(maxsize=8)
 def sphere_directions(count: int) -> Float[np.ndarray, "count 3"]:
-    """Return unit vectors spread evenly over the sphere (Fibonacci lattice)."""
+    """Return unit vectors spread evenly over the sphere (Fibonacci lattice), read-only."""
     k = np.arange(count) + 0.5
     z = 1.0 - 2.0 * k / count
     turn = np.pi * (1.0 + 5.0**0.5) * k
     r = np.sqrt(1.0 - z * z)
-    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+    directions = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+    directions.flags.writeable = False
+    return directions
 
 
 def _edge_axes(
