@@ -113,10 +113,12 @@ class _Distance:
             nearest, room = "the table", float(center @ self._table.normal) - self._table.offset - self._limit
         gaps = np.maximum(np.maximum(self._boxes[:, 0] - center, center - self._boxes[:, 1]), 0.0)
         bounds = np.sqrt(np.einsum("ij,ij->i", gaps, gaps)) - self._limit
-        for (name, body, T), bound in zip(self._around, bounds.tolist(), strict=True):
-            if bound >= min(room, 2.0 * self._limit):
-                nearest, room = (nearest, room) if room <= bound else (name, bound)
-                continue
+        for k in np.argsort(bounds, kind="stable").tolist():
+            name, body, T = self._around[k]
+            if (bound := float(bounds[k])) >= room:
+                break
+            if bound >= 2.0 * self._limit:  # far enough for the bound to do
+                return name, bound
             here = float(body.distance(se3.apply(T, center[None]))[0]) - self._limit
             if here < room:
                 nearest, room = name, here
