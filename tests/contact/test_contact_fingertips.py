@@ -11,10 +11,12 @@ from sashimono.assembly import Assembly, Part, Source
 from sashimono.bodies import make_body
 from sashimono.commands import find_gripper, find_grippers
 from sashimono.contact import FINGERTIPS, PRESETS, ContactConfig, choose_contacts, named_gripper
+from sashimono.contact.fingertips import Passage
 from sashimono.contact.samples import steady, steady_pairs
 from sashimono.errors import SashimonoError
 from sashimono.geometry import se3
 from sashimono.io.plan_json import plan_from_json, plan_to_json
+from sashimono.motion.scene import Obstacle
 from sashimono.plan import AssemblyPlan, Motion, Segment, Step, Table
 from sashimono.verify import verify_plan
 
@@ -198,3 +200,33 @@ def test_a_thin_wire_on_a_bead_is_held_between_its_small_facets():
     pairs = np.stack([first, np.roll(first, 12, axis=0)], axis=1), np.stack([-outward, outward], axis=1)
     assert not steady(body, pairs[0][:, 0], pairs[1][:, 0]).any()
     assert steady_pairs(body, *pairs).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_no_fingertip_can_meet_need_not_be_asked(seed, monkeypatch):
+    """With all obstacles asked, the same balls are clear as with those whose boxes are near."""
+    rng = np.random.default_rng(seed)
+    part = box("part", (0.02, 0.02, 0.02))
+    bodies = [make_body(box(f"b{k}", rng.uniform(0.005, 0.03, 3))) for k in range(80)]
+    around = [
+        Obstacle(
+            body=body, T_world_part=se3.exp(np.concatenate([rng.uniform(-0.12, 0.12, 3), rng.uniform(-1.0, 1.0, 3)]))
+        )
+        for body in bodies
+    ]
+    motion = dropped_in(part, beside=0.15, rest_z=0.0)
+    centers = rng.uniform(-0.012, 0.012, (60, 3))
+    ways = 0.01 * rng.normal(size=(60, 3))
+
+    def looked_at():
+        passage = Passage(make_body(part), motion, around, None, CONFIG)
+        clear_off = [passage.clear_way_off(centers, ways, 0.002, index) for index in (0, passage.last)]
+        # balls farther from the part than its own fingertips would be are asked too
+        far = passage.clear_until(4.0 * centers, 0.002)
+        return [passage.clear_from(centers, 0.002), passage.clear_until(centers, 0.002), far, *clear_off]
+
+    few = looked_at()
+    monkeypatch.setattr(Passage, "_in_box", lambda self, low, high: np.ones(len(self._around), dtype=bool))
+    for one, other in zip(few, looked_at(), strict=True):
+        assert np.array_equal(one, other)
+    assert any(len(np.unique(found)) > 1 for found in few), "some meet something, some do not"

@@ -12,6 +12,8 @@ from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.translation.caging import Cages
 from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
+from sashimono.disassembly.translation.drawing import KeptSolids
+from sashimono.disassembly.translation.lattice_scene import shell
 from sashimono.plan import Answer
 
 
@@ -78,3 +80,43 @@ def test_a_proof_put_off_comes_to_the_same_as_one_in_one_go() -> None:
     assert found > 0, "one look was enough: this case does not show that a proof can be put off"
     assert portions[found] == (1,)
     assert portions[found + 1 :] == [None] * (29 - found), "what is proven is not looked at again"
+
+
+def test_what_was_asked_before_changes_no_proof_into_none_nor_back() -> None:
+    """Rings on a post: each is held by the post and any ring above, in whatever order that is asked."""
+    post = Manifold.cylinder(0.05, 0.005, 0.005, 32) + Manifold.cylinder(0.004, 0.02, 0.02, 32)
+    ring = Manifold.cylinder(0.004, 0.012, 0.012, 32) - Manifold.cylinder(0.004, 0.0051, 0.0051, 32)
+    rings = {f"ring{k}": ring.translate((0.0, 0.0, 0.004 + 0.004 * k)) for k in range(6)}
+    parts = assembly(post=post, **rings)
+    there = Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
+    part, above = 3, (4, 5, 6)
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        cages = Cages(there, config=SpaceConfig())
+        sets = [sum(1 << k for k in range(7) if k != part and rng.random() < 0.6) for _ in range(12)]
+        for others in [*sets, *sets]:
+            proof = cages.prove(part, others)
+            is_held = bool(others & 1) and any(others >> k & 1 for k in above)
+            assert (proof is not None) == is_held
+            if proof is not None:
+                mask = sum(1 << k for k in proof)
+                assert not mask & ~others
+                assert Cages(there, config=SpaceConfig()).prove(part, mask) is not None
+
+
+def test_solids_kept_for_other_windows_are_the_ones_drawn_and_not_too_many() -> None:
+    rng = np.random.default_rng(1)
+    solids = [np.pad(rng.random((3, 3, 3)) < 0.6, 1) for _ in range(8)]
+    kept = KeptSolids(most=3 * solids[0].size)
+    drawn = 0
+
+    def draw(k: int) -> np.ndarray:
+        nonlocal drawn
+        drawn += 1
+        return solids[k]
+
+    for k in (0, 1, 2, 0, 1, 2, 3, 4, 5, 0):
+        solid, rim = kept.get((k,), lambda k=k: draw(k))
+        assert solid is solids[k]
+        assert np.array_equal(rim, shell(solids[k]))
+    assert drawn == 7, "the first three once, three more, and the first again"
