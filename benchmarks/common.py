@@ -8,11 +8,18 @@ import json
 import os
 import platform
 import subprocess
+import sys
+import tempfile
+import threading
+import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 REPOSITORY = Path(__file__).resolve().parent.parent
-SHARED = Path(os.environ.get("SASHIMONO_SHARED", REPOSITORY.parent / "shared"))
+SHARED = Path(os.environ.get("SASHIMONO_SHARED", REPOSITORY.parent / "shared")).resolve()
 """Folder with ``truth/`` and ``assemblies/``; they are not part of the repository."""
 
 FURNITURE = ("clvr_", "ikea_", "furniturebench_")
@@ -63,6 +70,57 @@ def machine() -> dict[str, object]:
         "date": datetime.date.today().isoformat(),
         "commit": commit,
     }
+
+
+class Ran(NamedTuple):
+    """One run of the command line."""
+
+    exit: int | None
+    """None if it was stopped because it took too long."""
+    cpu_s: float
+    wall_s: float
+    peak_mb: int
+    errors: list[str]
+    """Lines on standard error."""
+
+    @property
+    def figures(self) -> dict[str, object]:
+        """Return what goes into a row of results."""
+        return {
+            "exit": self.exit,
+            "cpu_s": round(self.cpu_s, 2),
+            "wall_s": round(self.wall_s, 2),
+            "peak_mb": self.peak_mb,
+        }
+
+
+def run_sashimono(arguments: Sequence[str], *, limit: float = np.inf, **environment: str) -> Ran:
+    """Run the command line in a process of its own, at most so many seconds of wall time."""
+    values = os.environ | {"COLUMNS": "200"} | environment
+    # as where it is installed: modules are compiled once, not by every process
+    values.pop("PYTHONDONTWRITEBYTECODE", None)
+    command = [sys.executable, "-m", "sashimono", *arguments]
+    with tempfile.TemporaryFile("w+") as said:
+        start = time.perf_counter()
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=said, env=values, cwd=tempfile.gettempdir()
+        )
+        stop = threading.Timer(limit, process.kill) if np.isfinite(limit) else None
+        if stop is not None:
+            stop.start()
+        _, status, usage = os.wait4(process.pid, 0)
+        wall = time.perf_counter() - start
+        if stop is not None:
+            stop.cancel()
+        process.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        return Ran(
+            exit=None if wall >= limit else process.returncode,
+            cpu_s=usage.ru_utime + usage.ru_stime,
+            wall_s=wall,
+            peak_mb=round(usage.ru_maxrss / 1024),
+            errors=said.read().strip().splitlines(),
+        )
 
 
 def write_json(path: Path, content: dict[str, object]) -> None:

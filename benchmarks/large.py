@@ -11,17 +11,14 @@ A run that takes longer than the limit (wall seconds) is stopped, and counts as 
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from common import SHARED, chosen, machine, parser, table, write_json
+from common import SHARED, chosen, machine, parser, run_sashimono, table, write_json
 from manifold3d import Manifold
 from second_opinion import leaves
 
@@ -58,33 +55,18 @@ def measure(name: str, size: int, make: Callable[[int, Path], Path], limit: floa
     """Return what planning one product took, as a process of its own, and what came of it."""
     with tempfile.TemporaryDirectory() as folder:
         source, out = make(size, Path(folder)), Path(folder) / "out"
-        command = [sys.executable, "-m", "sashimono", "plan", str(source), "--out", str(out), "--quiet"]
-        if source.is_dir():
-            command += ["--unit", "mm"]
-        environment = os.environ.copy()
-        environment.pop("PYTHONDONTWRITEBYTECODE", None)
-        start = time.perf_counter()
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment)
-        usage = None
-        while usage is None and time.perf_counter() - start < limit:
-            done, status, used = os.wait4(process.pid, os.WNOHANG)
-            usage = used if done else time.sleep(0.2)
-        if usage is None:
-            process.kill()
-            _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
+        unit = ["--unit", "mm"] if source.is_dir() else []
+        ran = run_sashimono(["plan", str(source), "--out", str(out), "--quiet", *unit], limit=limit)
         path = out / "plan.json"
         plan = json.loads(path.read_text()) if path.exists() else None
         return {
             "name": name,
             "parts": size,
-            "exit": process.returncode,
+            **ran.figures,
+            "verify_s": None if plan is None else round(plan["timings"].get("verify", 0.0), 1),
             "status": "not planned" if plan is None else plan["status"],
             "placed": 0 if plan is None else len(set(leaves(plan["steps"]))),
-            "cpu s": round(usage.ru_utime + usage.ru_stime, 1),
-            "wall s": round(time.perf_counter() - start, 1),
-            "peak MB": usage.ru_maxrss // 1024,
-            "verify s": None if plan is None else round(plan["timings"].get("verify", 0.0), 1),
+            "overlaps": None if plan is None else len(plan["overlaps"]),
         }
 
 

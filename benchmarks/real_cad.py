@@ -14,16 +14,13 @@ apart as well ("with sets").
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from common import SHARED, chosen, kind_of, machine, parser, table, write_json
+from common import SHARED, chosen, kind_of, machine, parser, run_sashimono, table, write_json
 from second_opinion import refutations
 
 NOTHING = "nothing to assemble"
@@ -63,31 +60,15 @@ def measure(folder: Path, method: str, *, second: bool) -> dict:
     parts = len(list(folder.glob("*.obj")))
     row = {"name": folder.name, "kind": kind_of(folder.name, parts), "parts": parts}
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "sashimono", "plan", str(folder), "--out", out, "--unit", "mm"]
-        command += ["--method", method]
-        with tempfile.TemporaryFile("w+") as said:
-            start = time.perf_counter()
-            environment = os.environ | {"COLUMNS": "200"}
-            # as where it is installed: modules are compiled once, not by every process
-            environment.pop("PYTHONDONTWRITEBYTECODE", None)
-            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, env=environment)
-            _, status, usage = os.wait4(process.pid, 0)
-            wall = time.perf_counter() - start
-            process.returncode = os.waitstatus_to_exitcode(status)
-            said.seek(0)
-            errors = said.read().strip().splitlines()
-        row |= {
-            "exit": process.returncode,
-            "cpu_s": round(usage.ru_utime + usage.ru_stime, 2),
-            "wall_s": round(wall, 2),
-            "peak_mb": round(usage.ru_maxrss / 1024),
-        }
+        ran = run_sashimono(["plan", str(folder), "--out", out, "--unit", "mm", "--method", method])
+        row |= ran.figures
         path = Path(out) / "plan.json"
-        if process.returncode == 2 and errors and NOTHING in errors[-1]:
-            reason = errors[-1].replace(str(folder), folder.name)
+        if ran.exit == 2 and ran.errors and NOTHING in ran.errors[-1]:
+            reason = ran.errors[-1].replace(str(folder), folder.name)
             return row | {"status": "bought whole", "reason": reason, "refuted": []}
-        if process.returncode not in (0, 3) or not path.exists():
-            return row | {"status": "crashed", "reason": errors[-1] if errors else "no plan.json", "refuted": []}
+        if ran.exit not in (0, 3) or not path.exists():
+            reason = ran.errors[-1] if ran.errors else "no plan.json"
+            return row | {"status": "crashed", "reason": reason, "refuted": []}
         plan = json.loads(path.read_text())
         try:
             refuted = refutations(path, folder) if second and plan["status"] == "complete" else []

@@ -8,15 +8,10 @@ run too, with an empty cache.
 
 from __future__ import annotations
 
-import os
 import statistics
-import subprocess
-import sys
 import tempfile
-import time
-from pathlib import Path
 
-from common import SHARED, machine, parser, table, write_json
+from common import SHARED, machine, parser, run_sashimono, table, write_json
 
 
 def main() -> None:
@@ -56,24 +51,9 @@ def summary(name: str, found: list[dict]) -> dict:
     return {"command": name, "exit": exits[0] if len(exits) == 1 else exits, "runs": len(found), **medians}
 
 
-def run(arguments: list[str], **environment: str) -> dict:
+def run(arguments: list[str], **environment: str) -> dict[str, object]:
     """Run the command line once and return exit status, seconds and peak memory."""
-    start = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sashimono", *arguments],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=os.environ | environment,
-        cwd=Path(tempfile.gettempdir()),
-    )
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    return {
-        "exit": process.returncode,
-        "cpu_s": usage.ru_utime + usage.ru_stime,
-        "wall_s": time.perf_counter() - start,
-        "peak_mb": usage.ru_maxrss / 1024,
-    }
+    return run_sashimono(arguments, **environment).figures
 
 
 if __name__ == "__main__":
