@@ -207,17 +207,16 @@ def _best_attempt(
 
     ``first`` is what level 1 finds with nothing refused, if that is known.
     """
-    _, rng_motion, rng_contact = np.random.default_rng(seed).spawn(3)
+    rng_contact = np.random.default_rng(seed).spawn(3)[2]
     refused: frozenset[Refusal] = frozenset()
     best: _Attempt | None = None
     known = first
     given_up = False
     refutations: dict[str, str] = {}
     for_contacts = config.contact_attempts if config.contacts else 0
-    # each attempt has generators of its own, so that what earlier attempts drew does not matter
-    for number, (motion_rng, contact_rng) in enumerate(
-        zip(rng_motion.spawn(config.max_attempts), rng_contact.spawn(config.max_attempts), strict=True)
-    ):
+    # what earlier attempts drew does not matter. Motions draw the same in each: the check knows those that come again
+    for number, contact_rng in enumerate(rng_contact.spawn(config.max_attempts)):
+        motion_rng = np.random.default_rng(seed).spawn(3)[1].spawn(1)[0]
         # where an order that was searched for fails twice, or for good, the one that was found first is tried
         searched = config.method == "cascade" and number < 2 and not given_up
         attempt = _attempt(

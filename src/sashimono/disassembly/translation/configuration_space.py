@@ -224,6 +224,11 @@ class Space:
         steps = steps[cells[:, 0], cells[:, 1], cells[:, 2]]
         return Flood(blocked=False, cells=cells, steps=steps, rim=(int(side), int(axis)))
 
+    def cells(self, offsets: Float[np.ndarray, "n 3"]) -> list[tuple[int, ...]]:
+        """Return the cells of the lattice that displacements [m] are in."""
+        places = np.round(offsets @ self.rotation.T / self.spacing).astype(int) + self.window[0]
+        return list(map(tuple, places.tolist()))
+
     def way(self, others: int, offset: Float[np.ndarray, "3"], tried: set[tuple[int, ...]]) -> list[np.ndarray]:
         """Return displacements [m] that lead past the obstacles from one on to the rim, the last by going straight on.
 
@@ -232,7 +237,7 @@ class Space:
         """
         wanted = self._bits_of(others)
         self._draw(wanted)
-        cell = tuple((np.round(self.rotation @ offset / self.spacing).astype(int) + self.window[0]).tolist())
+        cell = self.cells(offset[None])[0]
         inside = all(0 < at < n - 1 for at, n in zip(cell, self._labels.shape, strict=True))
         if self._scene is None or cell in tried or not inside:
             return []

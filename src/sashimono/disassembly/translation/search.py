@@ -219,9 +219,10 @@ class _BestFirst:
     def _through_room(self, path: list[np.ndarray], direction: Float[np.ndarray, "3"], travel: float) -> Removal | None:
         """Return the removal that leaves a traced leg where there is room, if from there a way leads out."""
         steps = self.config.room_looks
-        for u in np.arange(1, steps + 1) / steps if travel > self.least else [1.0]:
-            here = path[-1] + u * travel * direction
-            way = self.room.way(self.mask, here, self.tried)
+        parts_of_it = np.arange(1, steps + 1) / steps if travel > self.least else np.ones(1)
+        places = path[-1] + parts_of_it[:, None] * (travel * direction)
+        for cell, here in zip(self.room.cells(places), places, strict=True):
+            way = [] if cell in self.tried else self.room.way(self.mask, here, self.tried)
             if not way:
                 continue
             stops = [*path, *([here] if travel > 0.0 else []), *way[1:]]
