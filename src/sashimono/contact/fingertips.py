@@ -107,7 +107,7 @@ class Passage:
         return np.flatnonzero(meets).tolist()
 
     def _in_box(self, low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "obstacle"]:
-        return ((self._boxes[:, 0] <= high) & (self._boxes[:, 1] >= low)).all(axis=1)
+        return np.all((self._boxes[:, 0] <= high) & (self._boxes[:, 1] >= low), axis=1)
 
     @property
     def last(self) -> int:

@@ -9,7 +9,7 @@ linear program of all groups is solved.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -133,9 +133,8 @@ class _Scene:
         heaviest = max(group.volume for group in groups)
         self._weights = np.array([max(group.volume, _LEAST_WEIGHT * heaviest) for group in groups])
         place = {name: k for k, group in enumerate(groups) for name in group.names}
-        self._sides: Int[np.ndarray, "push 2"] = np.array(
-            [[place.get(name, -1) for name in (push.on, push.by)] for push in pushes]
-        )
+        owners = [(place.get(push.on, -1), -1 if push.by is None else place.get(push.by, -1)) for push in pushes]
+        self._sides: Int[np.ndarray, "push 2"] = np.array(owners)
 
     def sides_of(self) -> list[tuple[Group | None, Group | None]]:
         """Return the groups on both sides of each push; None for what does not move."""
@@ -183,16 +182,15 @@ class _Scene:
 
     def solve(self, some: Sequence[int], loads: Sequence[_Load], tolerance: float) -> _Answer:
         """Maximise what sinks of some groups while the others neither move nor push differently."""
-        column = np.full(len(self._groups) + 1, -1)  # the last: what does not move
-        column[list(some)] = np.arange(len(some))
-        inside = column[self._sides] >= 0
-        within = np.flatnonzero(inside.any(axis=1) & (inside | (self._sides < 0)).all(axis=1))
-        others = np.setdiff1d(np.arange(len(loads)), within)
-        gain = self._unbalanced(loads, others.tolist())[list(some)].reshape(-1)
-        if not len(within):
+        place = {group: k for k, group in enumerate(some)}
+        inside = np.isin(self._sides, list(some))
+        within = np.flatnonzero(inside.any(axis=1) & (inside | (self._sides < 0)).all(axis=1)).tolist()
+        others = sorted(set(range(len(loads))) - set(within))
+        gain = self._unbalanced(loads, others)[list(some)].reshape(-1)
+        if not within:
             return _Answer(np.sign(gain).reshape(-1, 6), float(np.abs(gain).sum()), {})
         units = np.array([self._weights[[s for s in self._sides[k] if s >= 0]].min() for k in within])
-        work = [self._work(k, unit, column, len(some)) for k, unit in zip(within.tolist(), units, strict=True)]
+        work = [self._work(k, unit, place) for k, unit in zip(within, units, strict=True)]
         resisted = -vstack(work, format="csr")
         # few forces decide: those that the motion allowed by the others works against join them, until there is none
         used = np.concatenate([loads[k].strengths > 0.0 for k in within])
@@ -216,11 +214,11 @@ class _Scene:
         sides = self.sides_of()
         found = {
             k: _load(self._pushes[k], sides[k], unit * own)
-            for k, unit, own in zip(within.tolist(), units, np.split(strengths, ends), strict=True)
+            for k, unit, own in zip(within, units, np.split(strengths, ends), strict=True)
         }
         return _Answer(answer.x.reshape(-1, 6), float(-answer.fun), found)
 
-    def _work(self, k: int, unit: float, column: np.ndarray, count: int) -> csr_array:
+    def _work(self, k: int, unit: float, place: Mapping[int, int]) -> csr_array:
         """Work of the forces of a push, one a row, per unit of motion of each of some groups.
 
         Forces are in units of the lighter side's weight, and motions count in units in which all weigh the same.
@@ -228,13 +226,13 @@ class _Scene:
         push = self._pushes[k]
         values, columns = [], []
         for i, sign in zip(self._sides[k].tolist(), (1.0, -1.0), strict=True):
-            if column[i] >= 0:
+            if i in place:
                 values.append(sign * unit / self._weights[i] * _wrenches(push, self._groups[i]))
-                columns.append(np.arange(6 * column[i], 6 * column[i] + 6))
+                columns.append(6 * place[i] + np.arange(6))
         wide = 6 * len(columns)
         places = np.tile(np.concatenate(columns), len(push.points))
         entries = (np.concatenate(values, axis=1).ravel(), places, wide * np.arange(len(push.points) + 1))
-        return csr_array(entries, shape=(len(push.points), 6 * count))
+        return csr_array(entries, shape=(len(push.points), 6 * len(place)))
 
 
 def _load(push: Push, sides: tuple[Group | None, Group | None], strengths: np.ndarray) -> _Load:
