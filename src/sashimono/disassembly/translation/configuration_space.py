@@ -150,6 +150,7 @@ class Space:
         self._most = most
         self._grown = grown
         self._drawn = 0
+        self._bits: dict[int, int] = {}
         self._inside = 0
         self._builder = LatticeSceneBuilder(
             shape, len(self.obstacles), max_points=config.max_room_points if grown else config.max_points
@@ -167,7 +168,7 @@ class Space:
 
     def _cells(self, bit: int) -> int:
         """Lattice points of a pair, 0 where they are too many to be drawn."""
-        cells = self._drawing.region(self.obstacles[bit]).cells
+        cells = self._drawing.cells[self.obstacles[bit]]
         return cells if cells <= self._most else 0
 
     def _draw(self, wanted: int) -> None:
@@ -308,7 +309,9 @@ class Space:
 
     def _bits_of(self, others: int) -> int:
         """The obstacles as bits."""
-        return sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1)
+        if others not in self._bits:
+            self._bits[others] = sum(1 << bit for bit, part in enumerate(self.obstacles) if others >> part & 1)
+        return self._bits[others]
 
 
 def cover(walls: list[int]) -> list[int]:

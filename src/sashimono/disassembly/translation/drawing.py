@@ -6,8 +6,6 @@ So a small screw in a wide lid takes few lattice points, however fine the lattic
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,24 +13,6 @@ from jaxtyping import Bool, Float, Int
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.eroded_lattice import eroded_lattice, grown_lattice
 from sashimono.disassembly.translation.lattice_scene import Drawn, shell
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Region:
-    """Where a part and an obstacle can meet: a box of the lattice for each, with a layer around."""
-
-    own: Int[np.ndarray, "2 3"]
-    """First point and the one past the last of the part's, from its own corner."""
-    theirs: Int[np.ndarray, "2 3"]
-    """The same of the obstacle's, from where the part's corner is at the first displacement."""
-
-    @cached_property
-    def cells(self) -> int:
-        """Lattice points of both; 0 if the two cannot meet."""
-        sizes = self.own[1] - self.own[0], self.theirs[1] - self.theirs[0]
-        if min(int(size.min()) for size in sizes) <= 2:
-            return 0
-        return sum(int(np.prod(size)) for size in sizes)
 
 
 class KeptSolids:
@@ -86,36 +66,39 @@ class Drawing:
         self._corner = low + 0.5 * ((high - low) - (self._count - 1) * spacing)
         self._first = window[0]
         self._origin = self._corner - window[0] * spacing
-        self._reach = window.sum(axis=0)
-        self._regions: dict[int, Region] = {}
+        self._own, self._theirs = self._regions(window.sum(axis=0))
+        sizes = np.stack([self._own[:, 1] - self._own[:, 0], self._theirs[:, 1] - self._theirs[:, 0]], axis=1)
+        meets = sizes.min(axis=(1, 2)) > 2
+        points = np.minimum(sizes.prod(axis=2, dtype=float).sum(axis=1), 1e18)  # of a foil, more than a word counts
+        self.cells: list[int] = np.where(meets, points, 0.0).astype(np.int64).tolist()
+        """By part: lattice points that tell whether the part meets it; 0 if it cannot."""
 
-    def region(self, other: int) -> Region:
-        """Return where the part and an obstacle can meet."""
-        if other not in self._regions:
-            self._regions[other] = self._region(other)
-        return self._regions[other]
+    def _regions(self, reach: Int[np.ndarray, "3"]) -> tuple[Int[np.ndarray, "part 2 3"], Int[np.ndarray, "part 2 3"]]:
+        """Where the part and each obstacle can meet: boxes of the lattice, with a layer around.
 
-    def _region(self, other: int) -> Region:
-        box = (self._boxes[other] - self._origin) / self._spacing
+        Each is its first point and the one past its last: the part's from its own corner, the obstacle's from where
+        the part's corner is at the first displacement.
+        """
+        boxes = (self._boxes - self._origin) / self._spacing
         pad = self._pad
-        first = np.maximum(np.floor(box[0]).astype(int), 1 - pad) - pad
-        last = np.minimum(np.ceil(box[1]).astype(int) + 1, self._count + self._reach + pad - 1) + pad
-        own = np.stack([np.maximum(first - self._reach, -pad), np.minimum(last, self._count + pad)])
-        return Region(own=own, theirs=np.stack([first, last]))
+        first = np.maximum(np.floor(boxes[:, 0]).astype(int), 1 - pad) - pad
+        last = np.minimum(np.ceil(boxes[:, 1]).astype(int) + 1, self._count + reach + pad - 1) + pad
+        own = np.stack([np.maximum(first - reach, -pad), np.minimum(last, self._count + pad)], axis=1)
+        return own, np.stack([first, last], axis=1)
 
     def draw(self, other: int) -> tuple[Drawn, Drawn]:
         """Return the part and the obstacle where they can meet, shrunk by what a proof needs in all (or grown)."""
-        parts, region = self._parts, self.region(other)
+        parts = self._parts
         tolerance = parts.tolerances.plan
         half = 0.25 * np.sqrt(3.0) * self._spacing * (1.0 + 1e-6)
         share = 0.0 if self._grown else tolerance * float(parts.sizes[self._part])
-        own = self._solid(self._part, np.zeros(3, dtype=int), region.own, half + share)
+        own = self._solid(self._part, np.zeros(3, dtype=int), self._own[other], half + share)
         radius = half
         if not self._grown:
             depth = tolerance * parts.smaller_size(self._part, other)
             depth = max(depth + parts.overlaps[self._part, other], parts.fits[self._part, other])
             radius += max(2.0 * depth - share, 0.0)
-        return own, self._solid(other, -self._first, region.theirs, radius)
+        return own, self._solid(other, -self._first, self._theirs[other], radius)
 
     def _solid(self, part: int, start: Int[np.ndarray, "3"], box: Int[np.ndarray, "2 3"], radius: float) -> Drawn:
         """Draw a box of lattice points, counted from so many steps after the part's corner."""
