@@ -85,3 +85,29 @@ def test_march_slides_along_walls_of_a_hole() -> None:
     assert travel == pytest.approx(6.9, abs=2e-2)
     through, _, _ = surface(box((4.0, 4.0, 10.0)) - rod(1.0, 12.0))
     assert advance_straight(through, rim, down, length=20.0, limit=1e-3, least_step=1e-2)[0] == np.inf
+
+
+def test_what_runs_along_a_side_of_the_box_is_stopped_exactly_where_it_gets_too_deep() -> None:
+    """Points on lines along and across a plate with a raised rim, in every depth about the limit."""
+    solid = box((0.1, 0.08, 0.01)) + box((0.1, 0.005, 0.02), (0.0, 0.02, 0.005)) - rod(0.01, 0.05)
+    tree, vertices, _ = surface(solid)
+    rng = np.random.default_rng(3)
+    limit, length = 5e-4, 0.3
+    at = np.linspace(0.0, length, 6001)
+    stopped = 0
+    for _ in range(120):
+        along = np.eye(3)[rng.integers(0, 2)] if rng.random() < 0.5 else rng.normal(size=3) * [1.0, 1.0, 0.02]
+        along /= np.linalg.norm(along)
+        height = rng.choice([vertices[:, 2].max(), vertices[:, 2].min(), 0.005]) + rng.uniform(-3.0, 3.0) * limit
+        start = np.append(rng.uniform(-0.02, 0.02, 2), height) - 0.15 * along
+        depths = -tree.query(start + at[:, None] * along)
+        travel = advance_straight(tree, start[None], along, length=length, limit=limit, least_step=1e-6)[0]
+        margin = 1e-6
+        if depths.max() > limit + margin:
+            first = at[np.argmax(depths > limit + margin)]
+            assert travel <= first
+            assert depths[at < travel - 1e-4].max() <= limit + margin
+            stopped += 1
+        elif depths.max() < limit - 1e-5:
+            assert np.isinf(travel)
+    assert 20 < stopped < 110

@@ -157,7 +157,8 @@ def advance_points(points, direction, length, limit, least_step, enough, boxes, 
         t, stop = _box_range(x, y, z, direction, min(length, travel), core)
         if stop < t:
             continue
-        t, stop = _box_range(x, y, z, direction, stop, boxes[0])
+        # all of the way through the box: where it goes in may be missed by rounding, and is told by where it comes out
+        t, stop = _box_range(x, y, z, direction, min(length, travel), boxes[0])
         outside = t > 0.0
         safe = t
         closest = -1
