@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from sashimono.disassembly.masks import bits
+from sashimono.disassembly.masks import bits, pieces
 from sashimono.disassembly.sequence.holds import unsteadiness
 from sashimono.disassembly.sequence.scene import OrderScene
 from sashimono.plan import AssemblyPlan, OrderCost, Step, Subassembly, Table, step_tables
@@ -239,17 +239,7 @@ class CostModel:
 
     def _groups(self, placed: int) -> int:
         """How many groups of joined parts there are among the placed ones."""
-        count, left = 0, placed
-        while left:
-            seen = frontier = left & -left
-            while frontier:
-                reached = 0
-                for part in bits(frontier):
-                    reached |= self._joined(part)
-                frontier = reached & placed & ~seen
-                seen |= frontier
-            count, left = count + 1, left & ~seen
-        return count
+        return len(pieces(placed, self._joined))
 
     def _joined(self, part: int) -> int:
         """Mask of the parts that are rigidly joined to one."""

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from sashimono.assembly import few_words
 from sashimono.disassembly.blocking.groups import find_subassembly
 from sashimono.disassembly.cascade import Cascade
-from sashimono.disassembly.masks import bits
+from sashimono.disassembly.masks import bits, reached
 from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
 from sashimono.disassembly.sequence.as_one import BodiesAsOne
@@ -206,14 +206,7 @@ class _Chooser:
         return 0
 
     def connected(self, remaining: int) -> bool:
-        seen = frontier = remaining & -remaining
-        while frontier:
-            reached = 0
-            for part in bits(frontier):
-                reached |= self.neighbours[part]
-            frontier = reached & remaining & ~seen
-            seen |= frontier
-        return seen == remaining
+        return reached(remaining & -remaining, remaining, self.neighbours.__getitem__) == remaining
 
     def preference(self, last: Float[np.ndarray, "3"] | None) -> Callable[[Float[np.ndarray, "3"]], float]:
         def worth(direction: Float[np.ndarray, "3"]) -> float:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from sashimono.disassembly.masks import bits
+from sashimono.disassembly.masks import bits, pieces, reached
 from sashimono.plan import Table
 from sashimono.stability import Component, Statics, Touching, fewest_held
 
@@ -42,7 +42,7 @@ class Contacts:
 
     def groups(self, placed: int) -> list[int]:
         """Return the rigid groups of the placed parts, as masks."""
-        return _components(placed, self.bonded)
+        return pieces(placed, self.bonded.__getitem__)
 
     def around(self, group: int, placed: int) -> int:
         """Return the mask of the placed parts that touch a group from outside."""
@@ -147,8 +147,8 @@ class HoldCounter:
 
     def _floating(self, placed: int, groups: Sequence[int], grounded: int) -> int:
         """How many clusters of touching groups are held by nothing: neither table, fixture, nor a held part in them."""
-        attached = self.contacts.attached
-        return len(_components(placed & ~_reached(grounded, placed, attached), attached))
+        attached = self.contacts.attached.__getitem__
+        return len(pieces(placed & ~reached(grounded, placed, attached), attached))
 
     def _names(self, mask: int) -> list[str]:
         return [self.contacts.names[k] for k in bits(mask)]
@@ -201,24 +201,3 @@ def table_under(
     low = float(lows.min())
     in_fixture = low < standing - gap
     return Table(normal=up, offset=low - float(np.ptp(lows)) - gap if in_fixture else standing), in_fixture
-
-
-def _components(parts: int, joined: Sequence[int]) -> list[int]:
-    out = []
-    left = parts
-    while left:
-        out.append(_reached(left & -left, parts, joined))
-        left &= ~out[-1]
-    return out
-
-
-def _reached(start: int, parts: int, joined: Sequence[int]) -> int:
-    """Mask of what hangs together with the parts of a start, those included."""
-    seen = frontier = start
-    while frontier:
-        reached = 0
-        for part in bits(frontier):
-            reached |= joined[part]
-        frontier = reached & parts & ~seen
-        seen |= frontier
-    return seen

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 from sashimono.assembly import Assembly, few_words
-from sashimono.disassembly.masks import bits
+from sashimono.disassembly.masks import bits, reached
 from sashimono.disassembly.sequence.departures import HeldProduct
 from sashimono.fasteners.precedence import precedence
 from sashimono.fasteners.recognise import Fastener
@@ -85,13 +85,7 @@ def product_groups(assembly: Assembly, fasteners: Sequence[Fastener], touching: 
 
 def loose_parts(members: int, touching: Callable[[int], int]) -> int:
     """Return the mask of a smaller piece of parts that do not hang together; 0 if they do."""
-    seen = frontier = members & -members
-    while frontier:
-        reached = 0
-        for part in bits(frontier):
-            reached |= touching(part)
-        frontier = reached & members & ~seen
-        seen |= frontier
+    seen = reached(members & -members, members, touching)
     return min((seen, members & ~seen), key=lambda piece: piece.bit_count()) if seen != members else 0
 
 
