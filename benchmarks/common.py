@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import math
 import os
 import platform
 import subprocess
@@ -15,8 +16,6 @@ import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
-
-import numpy as np
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 SHARED = Path(os.environ.get("SASHIMONO_SHARED", REPOSITORY.parent / "shared")).resolve()
@@ -94,7 +93,7 @@ class Ran(NamedTuple):
         }
 
 
-def run_sashimono(arguments: Sequence[str], *, limit: float = np.inf, **environment: str) -> Ran:
+def run_sashimono(arguments: Sequence[str], *, limit: float = math.inf, **environment: str) -> Ran:
     """Run the command line in a process of its own, at most so many seconds of wall time."""
     values = os.environ | {"COLUMNS": "200"} | environment
     # as where it is installed: modules are compiled once, not by every process
@@ -105,7 +104,7 @@ def run_sashimono(arguments: Sequence[str], *, limit: float = np.inf, **environm
         process = subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=said, env=values, cwd=tempfile.gettempdir()
         )
-        stop = threading.Timer(limit, process.kill) if np.isfinite(limit) else None
+        stop = threading.Timer(limit, process.kill) if math.isfinite(limit) else None
         if stop is not None:
             stop.start()
         _, status, usage = os.wait4(process.pid, 0)

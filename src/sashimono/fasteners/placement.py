@@ -14,7 +14,7 @@ from jaxtyping import Float
 from manifold3d import Error, Manifold
 
 from sashimono.assembly import Assembly
-from sashimono.fasteners.profile import contains_origin, free_radius, may_contain_origin
+from sashimono.fasteners.profile import contains_origin, free_radius, signed_area
 from sashimono.geometry.features.directions import frame_along
 from sashimono.geometry.mesh.solid import to_manifold
 
@@ -144,15 +144,8 @@ def touches_ring(
 
 def _fit(polygons: Sequence[Float[np.ndarray, "_ 2"]], radius: float) -> float | None:
     """The radius of the hole around the axis over a radius, 0 in material; None where there is no closed hole."""
-    if not polygons:
-        return None
-    polygons = [polygon for polygon in polygons if may_contain_origin(polygon)]
-    if contains_origin(polygons):
+    around = [polygon for polygon in polygons if contains_origin([polygon])]
+    if len(around) % 2 == 1:
         return 0.0
-    for polygon in polygons:
-        following = np.roll(polygon, -1, axis=0)
-        area = 0.5 * float((polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0]).sum())
-        near, _, inside = free_radius([polygon])
-        if area < 0.0 and inside:
-            return near / radius
-    return None
+    hole = next((polygon for polygon in around if signed_area(polygon) < 0.0), None)
+    return None if hole is None else free_radius([hole])[0] / radius

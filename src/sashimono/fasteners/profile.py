@@ -173,11 +173,11 @@ def read_section(
     hull = _hull(polygons)
     if hull is None:
         return None
-    areas = np.array([_area(p) for p in polygons])
+    areas = np.array([signed_area(p) for p in polygons])
     radius = float(np.linalg.norm(hull, axis=1).max())
     off = float(np.linalg.norm(_centroid(hull))) / radius
     outer = outline(hull, config) if off <= config.centered else "other"
-    if outer == "other" and off <= 2.0 * config.centered and _area(hull) >= config.ridged * np.pi * radius**2:
+    if outer == "other" and off <= 2.0 * config.centered and signed_area(hull) >= config.ridged * np.pi * radius**2:
         outer = "ridged" if len(hull) >= 8 else "other"
     nearest, _, inside = free_radius(polygons)
     inner, hole = ("none", 0.0) if inside else _hole(polygons, areas, nearest, config)
@@ -189,9 +189,9 @@ def read_section(
         flats=_across(hull, outer),
         inner=inner,
         hole=hole,
-        filled=float(areas.sum() / _area(hull)),
-        outline_filled=float(areas[areas > 0.0].sum() / _area(hull)),
-        pieces=int((areas > 1e-4 * _area(hull)).sum()),
+        filled=float(areas.sum() / signed_area(hull)),
+        outline_filled=float(areas[areas > 0.0].sum() / signed_area(hull)),
+        pieces=int((areas > 1e-4 * signed_area(hull)).sum()),
         around=1.0 if inner != "other" else _around(polygons),
         inside=nearest,
     )
@@ -204,7 +204,7 @@ def outline(hull: Float[np.ndarray, "corner 2"], config: ProfileConfig) -> Outli
         if harmonic(hull, corners) >= config.corners and _regular(hull, corners):
             return name
     reach = np.linalg.norm(hull - _centroid(hull), axis=1).max()
-    return "round" if _area(hull) >= config.round * np.pi * reach**2 and len(hull) >= 8 else "other"
+    return "round" if signed_area(hull) >= config.round * np.pi * reach**2 and len(hull) >= 8 else "other"
 
 
 def harmonic(polygon: Float[np.ndarray, "corner 2"], order: int) -> float:
@@ -256,7 +256,7 @@ def _hull(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarray, "co
         hull = points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
         return None
-    return hull if _area(hull) > 0.0 else None
+    return hull if signed_area(hull) > 0.0 else None
 
 
 def _hull_middle(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarray, "2"] | None:
@@ -279,15 +279,15 @@ def _hole(
     hull = _hull([hole])
     if hull is None:
         return "other", 0.0
-    if _area(hole) < config.recess * _area(hull):
+    if signed_area(hole) < config.recess * signed_area(hull):
         return "cross", 2.0 * float(np.linalg.norm(hull, axis=1).max())
     reach = float(np.linalg.norm(hull, axis=1).max())
     if float(np.linalg.norm(_centroid(hull))) > 1.5 * config.centered * reach:
         return "other", 0.0
     kind = outline(hull, config)
-    if kind == "round" and _area(hole) < 0.985 * _area(hull) and harmonic_radius(hole, 6) > 0.03:
+    if kind == "round" and signed_area(hole) < 0.985 * signed_area(hull) and harmonic_radius(hole, 6) > 0.03:
         return "lobes", 2.0 * reach
-    if kind == "other" and _area(hull) < 0.5 * np.pi * reach**2:
+    if kind == "other" and signed_area(hull) < 0.5 * np.pi * reach**2:
         return "slot", 2.0 * free_radius([hole])[0]
     return kind, _across(hull, kind)
 
@@ -348,7 +348,8 @@ def _following(polygon: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "cor
     return np.concatenate([polygon[1:], polygon[:1]])
 
 
-def _area(polygon: Float[np.ndarray, "corner 2"]) -> float:
+def signed_area(polygon: Float[np.ndarray, "corner 2"]) -> float:
+    """Return a polygon's area, negative where it runs clockwise: a hole."""
     following = _following(polygon)
     return 0.5 * float((polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0]).sum())
 
@@ -362,18 +363,15 @@ def _centroid(polygon: Float[np.ndarray, "corner 2"]) -> Float[np.ndarray, "2"]:
     return origin if total == 0.0 else origin + (cross[:, None] * (p + q)).sum(axis=0) / (3.0 * total)
 
 
-def may_contain_origin(polygon: Float[np.ndarray, "corner 2"]) -> bool:
-    """Return whether the origin is in a polygon's box."""
-    return bool((polygon.min(axis=0) <= 0.0).all() and (polygon.max(axis=0) >= 0.0).all())
-
-
 def contains_origin(polygons: Sequence[Float[np.ndarray, "_ 2"]]) -> bool:
     """Return whether the origin is in material: inside an odd number of outlines and holes."""
-    return sum(_contains_origin(polygon) for polygon in polygons if may_contain_origin(polygon)) % 2 == 1
+    return sum(_contains_origin(polygon) for polygon in polygons) % 2 == 1
 
 
 def _contains_origin(polygon: Float[np.ndarray, "corner 2"]) -> bool:
     """Whether the origin is inside, by crossings of the ray along x."""
+    if (polygon.min(axis=0) > 0.0).any() or (polygon.max(axis=0) < 0.0).any():
+        return False
     a, b = polygon, _following(polygon)
     cross = (a[:, 1] > 0.0) != (b[:, 1] > 0.0)
     a, b = a[cross], b[cross]

@@ -1,8 +1,8 @@
 """What falls or tips, though nobody holds it? The question put the other way round than a planner would.
 
-Not forces are looked for that balance the weights, but a motion of the placed parts in which weights sink and no
-touching point resists: every force that a touching point can exert (an edge of its friction cone) does no negative
-work. By duality there is such a motion exactly if no forces balance. Its linear program shows which parts go.
+A motion of the placed parts is looked for in which weights sink and no touching point resists: every force that a
+touching point can exert (an edge of its friction cone) does no negative work. By duality there is such a motion exactly
+if no forces balance. `sinking` asks it, and shows which parts go.
 
 Weights are volumes: all parts are of one density. Walls that are nearly upright carry no weight by friction, for
 nothing shows that they squeeze; unless two fastened parts clamp what is between them.

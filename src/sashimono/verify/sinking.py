@@ -92,7 +92,7 @@ class Sinking:
         if not pushes:
             return np.ones(len(groups), dtype=bool)
         scene = _Scene(groups, pushes, self._down)
-        loads = [self._as_before(push, sides) for push, sides in zip(pushes, scene.sides_of(), strict=True)]
+        loads = [self._as_before(push, sides) for push, sides in zip(pushes, scene.sides, strict=True)]
         left = scene.left_over(loads)
         if left.sum() > self._tolerance:
             changed = [k for k, group in enumerate(groups) if left[k] > self._left.get(group.names, 0.0) + _UNBALANCED]
@@ -135,12 +135,8 @@ class _Scene:
         place = {name: k for k, group in enumerate(groups) for name in group.names}
         owners = [(place.get(push.on, -1), -1 if push.by is None else place.get(push.by, -1)) for push in pushes]
         self._sides: Int[np.ndarray, "push 2"] = np.array(owners)
-
-    def sides_of(self) -> list[tuple[Group | None, Group | None]]:
-        """Return the groups on both sides of each push; None for what does not move."""
-        return [
-            (None if i < 0 else self._groups[i], None if j < 0 else self._groups[j]) for i, j in self._sides.tolist()
-        ]
+        self.sides = [(None if i < 0 else groups[i], None if j < 0 else groups[j]) for i, j in owners]
+        """The groups on both sides of each push; None for what does not move."""
 
     def left_over(self, loads: Sequence[_Load]) -> Float[np.ndarray, "group"]:
         """Return how much of each group's weight these forces leave unbalanced, wrenches in sum, over the weight.
@@ -211,9 +207,8 @@ class _Scene:
         strengths = np.zeros(len(used))
         strengths[chosen] = np.maximum(-answer.ineqlin.marginals, 0.0)
         ends = np.cumsum([len(self._pushes[k].points) for k in within])[:-1]
-        sides = self.sides_of()
         found = {
-            k: _load(self._pushes[k], sides[k], unit * own)
+            k: _load(self._pushes[k], self.sides[k], unit * own)
             for k, unit, own in zip(within, units, np.split(strengths, ends), strict=True)
         }
         return _Answer(answer.x.reshape(-1, 6), float(-answer.fun), found)
