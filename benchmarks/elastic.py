@@ -18,8 +18,8 @@ import numpy as np
 from common import machine, parser, table, write_json
 from elastic_set import ELASTIC, RIGID, FitCase
 from scipy.spatial.transform import Rotation
+from tilt_set import moved
 
-from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade
 from sashimono.fits.config import FitConfig
@@ -51,11 +51,6 @@ def main() -> None:
     print(f"rigid: {len(wrong)} of {len(asked)} seen as elastic")
     if spent := sorted(row["fits_s"] for row in planned):
         print(f"fits found in median {statistics.median(spent)} s, worst {spent[-1]} s")
-
-
-def moved(assembly: Assembly, T: np.ndarray) -> Assembly:
-    """Return the assembly moved as a whole."""
-    return replace(assembly, parts=tuple(replace(part, T_world_part=T @ part.T_world_part) for part in assembly.parts))
 
 
 def plan(case: FitCase, T: np.ndarray) -> dict:

@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import statistics
 import time
-from dataclasses import replace
 from fnmatch import fnmatch
 
 import numpy as np
 from common import machine, parser, table, write_json
 from scipy.spatial.transform import Rotation
-from tilt_set import CASES, TiltCase
+from tilt_set import CASES, TiltCase, moved
 from witnesses import Witnesses
 
-from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.tilting.search import TiltConfig, search_tilt
@@ -59,11 +57,6 @@ def main() -> None:
                 f"{'open' if is_open else 'blocked'}{', turned' if turned else ''}: {free} of {len(rows)} free, "
                 f"{wrong} refuted, processor time median {statistics.median(spent)} s, worst {spent[-1]} s"
             )
-
-
-def moved(assembly: Assembly, T: np.ndarray) -> Assembly:
-    """Return the assembly moved as a whole."""
-    return replace(assembly, parts=tuple(replace(part, T_world_part=T @ part.T_world_part) for part in assembly.parts))
 
 
 def ask(case: TiltCase, T: np.ndarray, *, is_open: bool) -> dict:

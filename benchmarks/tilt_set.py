@@ -8,7 +8,7 @@ Drawn in millimetres, built by manifold3d, in metres once built.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import manifold3d
 import numpy as np
@@ -33,6 +33,11 @@ class TiltCase:
         """Return the assembly, or its twin with the way blocked: parts ``fixed`` and ``moving``, in place."""
         fixed, moving = self.build(is_open)
         return Assembly(parts=(part_of("fixed", fixed), part_of("moving", moving)))
+
+
+def moved(assembly: Assembly, T: np.ndarray) -> Assembly:
+    """Return the assembly moved as a whole."""
+    return replace(assembly, parts=tuple(replace(part, T_world_part=T @ part.T_world_part) for part in assembly.parts))
 
 
 def part_of(name: str, solid: Manifold) -> Part:

@@ -140,6 +140,8 @@ def _step_words(step: Step) -> str:
     if step.moving:
         words.append(f"subassembly of {len(step.moving)}: {', '.join(step.moving)}")
     words.append(_thread_words(step.declared) if step.declared else _direction_words(step.motion.T_world_part))
+    if step.simultaneous:
+        words.append(f"at the same time as {few_words(step.simultaneous)}")
     if len(step.motion.T_world_part) > 1:
         words.append(_contact_words(step))
     if step.tool is not None and step.tool.reason is not None:

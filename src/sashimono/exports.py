@@ -238,6 +238,7 @@ def _step_rows(steps: Sequence[Step], prefix: str, kinds: Mapping[str, Fastener]
 def _note(step: Step) -> str:
     said = ["the product is turned over before"] if step.turned else []
     said += [f"then held: {' '.join(step.held_before)}"] if step.held_before else []
+    said += [f"at the same time as {' '.join(step.simultaneous)}"] if step.simultaneous else []
     said += (
         [f"close fit with {' '.join(dict.fromkeys(fit.other for fit in step.close_fits))}"] if step.close_fits else []
     )

@@ -414,6 +414,7 @@ class _Judge:
         out: list[Step] = []
         gone: set[str] = set()
         turned: Table | None = None
+        refuted = {step.part for step, entry in zip(steps, reports, strict=True) if entry.problems}
         for step, entry in zip(steps, reports, strict=True):
             # where the step is taken out before which the product is turned over, it is before the next one
             turned = step.table or turned
@@ -427,6 +428,10 @@ class _Judge:
             if entry.problems:
                 gone.update(step.members)
                 self._take_out(step, f"refuted by the check: {entry.problems[0]}", self._met(step, entry))
+                continue
+            if wrong := [name for name in step.simultaneous if name in refuted]:
+                gone.update(step.members)
+                self._take_out(step, f"goes in at the same time as {wrong[0]}, which was refuted by the check", 0)
                 continue
             step = replace(step, fixed=fixed, table=turned, motion=self._with_evidence(step, entry))
             if entry.contact_problems:
@@ -450,7 +455,10 @@ class _Judge:
         return frozenset(
             replace(self._departures[step.part].path_refusal, among=self._mask(step.fixed))
             for step in every
-            if step.contact is None and len(step.motion.T_world_part) > 1 and step.part in self._departures
+            if step.contact is None
+            and len(step.motion.T_world_part) > 1
+            and not step.simultaneous
+            and step.part in self._departures
         )
 
     def _mask(self, names: Iterable[str]) -> int:

@@ -211,6 +211,9 @@ class Step:
     """All parts of the subassembly, `part` included; empty for a single part."""
     subassembly: Subassembly | None = None
     """How it was put together before; None for a single part."""
+    simultaneous: tuple[str, ...] = ()
+    """Parts whose steps, next to this one, happen at the same time; empty: none. Each waits where its insertion begins
+    until all are there. Then all insertions start together, each straight and at constant speed, and end together."""
     declared: DeclaredHelix | None = None
     """The thread that part of the path follows, where one was declared."""
     held: tuple[str, ...] = ()
@@ -542,6 +545,11 @@ def same_table(steps: Sequence[Step], k: int) -> tuple[Step, ...]:
             break
         later.append(step)
     return tuple(later)
+
+
+def simultaneous_steps(steps: Sequence[Step], k: int) -> tuple[Step, ...]:
+    """Return the steps that happen at the same time as number ``k``, itself among them, in their order."""
+    return tuple(step for step in steps if step is steps[k] or step.part in steps[k].simultaneous)
 
 
 def placed_parts(steps: tuple[Step, ...]) -> tuple[str, ...]:

@@ -101,6 +101,7 @@ class TreePlanner:
         order = [names[found.base], *departures]
         stuck = [_stuck(self.assembly, part, separation) for part, separation in found.stuck]
         removals = {name: d.separation.removal for name, d in departures.items() if d.separation.removal is not None}
+        mates = {name: self._mates(found, departure) for name, departure in departures.items()}
         count = len(departures) - (0 if found.turn is None else found.turn.count)
 
         def motions_of(stretch: _Stretch, before: int) -> MotionResult:
@@ -108,7 +109,7 @@ class TreePlanner:
                 progress("motion", before + done, len(departures))
 
             with self.stage("motion"):
-                return self._motions(level, bodies, stretch, order[0], removals, motion_rng, told)
+                return self._motions(level, bodies, stretch, order[0], removals, mates, motion_rng, told)
 
         stretches = [_Stretch(names=[*departures][:count], placed=[entry.part for entry in stuck], up=found.up)]
         results = [motions_of(stretches[0], 0)]
@@ -125,14 +126,14 @@ class TreePlanner:
         with self.stage("contact"):
             for stretch, result in zip(stretches, results, strict=True):
                 present = [name for name in moved if name in result.motions]
-                found_here = self._contacts(level, bodies, present, result, contact_rng, progress, len(moved))
+                found_here = self._contacts(level, bodies, present, mates, result, contact_rng, progress, len(moved))
                 contacts |= {n: c for n, c in found_here.items() if n in stretch.names or not stretch.turned}
         unsolved = {entry.part: entry for entry in (*stuck, *(e for below in inside.values() for e in below.unsolved))}
         for name, entry in failed.items():
             for member in self._members(departures[name]):
                 unsolved.setdefault(member, _carried(member, entry))
         return PlannedLevel(
-            steps=self._steps(moved, departures, inside, motions, contacts, _tables(moved, stretches, results)),
+            steps=self._steps(moved, departures, inside, mates, motions, contacts, _tables(moved, stretches, results)),
             table=results[0].table,
             unsolved=tuple(unsolved.values()),
             refused=frozenset(
@@ -161,6 +162,11 @@ class TreePlanner:
             if other in before
         ]
         return [replace(refusal, among=members) for members in met] or [refusal]
+
+    def _mates(self, found: DisassemblyResult, departure: Departure) -> tuple[str, ...]:
+        """The names of the departures that happen at the same time, in assembly order."""
+        mates = (other for other in reversed(found.removals) if other.members & departure.simultaneous)
+        return names_of(self.assembly, [other.part for other in mates])
 
     def _members(self, departure: Departure) -> tuple[str, ...]:
         return names_of(self.assembly, bits(departure.members))
@@ -196,6 +202,7 @@ class TreePlanner:
         stretch: _Stretch,
         base: str,
         removals: Mapping[str, Removal],
+        mates: Mapping[str, Sequence[str]],
         rng: np.random.Generator,
         progress: Callable[[int, int], None],
     ) -> MotionResult:
@@ -216,6 +223,7 @@ class TreePlanner:
             config=motion,
             rng=rng,
             in_place=stretch.placed,
+            simultaneous={name: mates[name] for name in stretch.names if mates[name]},
             bodies=bodies,
             resting=resting,
             progress=progress,
@@ -226,6 +234,7 @@ class TreePlanner:
         level: Assembly,
         bodies: Mapping[str, Body],
         order: list[str],
+        mates: Mapping[str, Sequence[str]],
         motions: MotionResult,
         rng: np.random.Generator,
         progress: Progress,
@@ -243,6 +252,7 @@ class TreePlanner:
             config=self.contact,
             rng=rng,
             bodies=bodies,
+            simultaneous={name: mates[name] for name in order if mates.get(name)},
             report=[real_tool(tool) for tool in self.report],
             progress=lambda name: progress("contact", next(done), total),
         )
@@ -252,16 +262,17 @@ class TreePlanner:
         order: list[str],
         departures: Mapping[str, Departure],
         inside: Mapping[str, PlannedLevel],
+        mates: Mapping[str, Sequence[str]],
         motions: Mapping[str, Motion],
         contacts: Mapping[str, ContactChoice],
         turned: Mapping[str, Table],
     ) -> tuple[Step, ...]:
         steps: list[Step] = []
         for name in order:
-            below = inside.get(name)
+            below, at_once = inside.get(name), tuple(mates.get(name, ()))
             step = Step(
                 part=name,
-                fixed=tuple(member for before in steps for member in before.members),
+                fixed=tuple(member for before in steps if before.part not in at_once for member in before.members),
                 motion=motions[name],
                 contact=contacts[name].contact,
                 contact_reason=contacts[name].reason,
@@ -273,6 +284,7 @@ class TreePlanner:
                 else Subassembly(
                     order=below.order, steps=below.steps, table=below.table, product=departures[name].product
                 ),
+                simultaneous=at_once,
                 declared=_declared(self.assembly, departures.get(name), motions[name]),
                 table=turned.get(name),
             )

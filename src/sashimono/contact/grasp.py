@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,6 +103,7 @@ def choose_contacts(
     config: ContactConfig,
     rng: np.random.Generator,
     bodies: Mapping[str, Body] | None = None,
+    simultaneous: Mapping[str, Sequence[str]] = MappingProxyType({}),
     report: Sequence[Gripper | SuctionCup] = (),
     progress: Callable[[str], object] | None = None,
 ) -> dict[str, ContactChoice]:
@@ -121,6 +123,8 @@ def choose_contacts(
         config: Options.
         rng: Draws the surface samples.
         bodies: Those of level 2, to share them; made here if None.
+        simultaneous: Of a part, those that go in at the same time. No contact is looked for: the grippers would pass
+            each other.
         report: Further tools of which it is said whether they can take each part.
         progress: Called with the name of each part when it is done.
     """
@@ -136,6 +140,8 @@ def choose_contacts(
             choices[name] = ContactChoice(None, "no motion along which to hold the part")
         elif name == order[0] or len(motions[name].T_world_part) == 1:
             choices[name] = ContactChoice(None, BASE_REASON)
+        elif simultaneous.get(name):
+            choices[name] = ContactChoice(None, "contacts of what goes in at the same time are not looked for")
         else:
             k = moved.index(name)
             around = (_placed(assembly, moved[:k], bodies), _waiting(moved[k + 1 :], motions, bodies))

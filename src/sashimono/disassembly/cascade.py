@@ -7,7 +7,7 @@ To add a stage, write it in a file of its own (`separation.Stage`) and add a lin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from sashimono.assembly import Assembly
@@ -31,6 +31,7 @@ from sashimono.disassembly.threads.surface import Threads, search_unscrew
 from sashimono.disassembly.tilting.stage import TiltStage
 from sashimono.disassembly.translation.contact_normals import ContactNormals
 from sashimono.disassembly.translation.search import TranslationSearch
+from sashimono.disassembly.translation.simultaneous import SimultaneousGroup, find_simultaneous
 from sashimono.disassembly.translation.stage import TranslationStage
 from sashimono.geometry.body import Body
 from sashimono.plan import Answer
@@ -151,6 +152,17 @@ class Cascade:
         if found is None:
             return separation
         return replace(separation, removal=found[0], declared=found[1], stage="declared thread")
+
+    def find_simultaneous(
+        self, remaining: int, *, stays: int, allowed: Callable[[Collection[int]], bool]
+    ) -> tuple[SimultaneousGroup, ...]:
+        """Return sets of the remaining parts that leave the others at once, each by a translation of its own.
+
+        None if none are found. Asked by sequences, where nothing else is left; of no part alone this says anything.
+        See the function of the same name.
+        """
+        config = self.config.simultaneous
+        return find_simultaneous(self.parts, self._touching, remaining, stays=stays, allowed=allowed, config=config)
 
     def touching(self, part: int) -> int:
         """Return the mask of the parts that touch this one in the assembled pose."""

@@ -13,6 +13,7 @@ from sashimono.disassembly.threads.surface import UnscrewConfig
 from sashimono.disassembly.tilting.search import TiltConfig
 from sashimono.disassembly.translation.leaning import LeaningConfig
 from sashimono.disassembly.translation.search import TranslationConfig
+from sashimono.disassembly.translation.simultaneous import SimultaneousConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,7 @@ class SeparateConfig:
     blocking: BlockingConfig = field(default_factory=BlockingConfig)
     translation: TranslationConfig = field(default_factory=TranslationConfig)
     leaning: LeaningConfig = field(default_factory=LeaningConfig)
+    simultaneous: SimultaneousConfig = field(default_factory=SimultaneousConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
     tilting: bool = False

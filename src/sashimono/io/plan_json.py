@@ -233,6 +233,8 @@ def _step_document(step: Step) -> dict[str, Any]:
         out["tool_access"] = step.tool.access
     if step.alternatives is not None:
         out["alternatives"] = [_alternative_document(entry) for entry in step.alternatives]
+    if step.simultaneous:
+        out["simultaneous"] = step.simultaneous
     if step.moving:
         out["moving"] = step.moving
     if step.subassembly is not None:
@@ -422,6 +424,7 @@ def _step(step: Mapping[str, Any]) -> Step:
         grippers={name: said["reason"] for name, said in step.get("grippers", {}).items()},
         moving=tuple(step.get("moving", ())),
         subassembly=_subassembly(step["subassembly"]) if step.get("subassembly") is not None else None,
+        simultaneous=tuple(step.get("simultaneous", ())),
         declared=_declared(step.get("declared")),
         held=tuple(step.get("held", ())),
         hands=step.get("hands"),

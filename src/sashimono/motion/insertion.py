@@ -66,6 +66,22 @@ def plan_insertion(
     )
 
 
+def whole_insertion(
+    body: Body,
+    T_assembled: Float[np.ndarray, "4 4"],
+    removal: Removal,
+    fixed: Sequence[Obstacle],
+    *,
+    directions: Float[np.ndarray, "direction 3"],
+) -> Insertion:
+    """Return the insertion along all of the removal, neither shortened nor lengthened."""
+    poses = (removal.displacements @ T_assembled)[::-1]
+    nowhere = Table(normal=directions[0], offset=-np.inf)
+    scene = Scene(body, fixed, nowhere, np.vstack([removal.exit_direction, directions]), clearance=0.0, max_checks=1)
+    gap = max(0.0, float(scene.slab_gaps(poses[0])[0].min(initial=np.inf)))
+    return Insertion(poses=poses, exit_direction=removal.exit_direction, T_clear=poses[0], gap=gap)
+
+
 def _shortest_travel(
     scene: Scene,
     start: Float[np.ndarray, "4 4"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -37,10 +38,17 @@ class Setting:
     fixture_height: float
     """How far above the table the base part is held [m]."""
 
-    def scene(self, name: str, fixed: Sequence[str], loose: Sequence[str], config: MotionConfig) -> Scene:
-        """Return what the part moves among: fixed parts in assembled pose, loose ones at rest."""
-        obstacles = [Obstacle(body=self.bodies[n], T_world_part=self.assembled[n]) for n in fixed]
-        obstacles += [Obstacle(body=self.bodies[n], T_world_part=self.rest.poses[n]) for n in loose]
+    def scene(
+        self,
+        name: str,
+        fixed: Sequence[str],
+        loose: Sequence[str],
+        config: MotionConfig,
+        waiting: Mapping[str, Pose] = MappingProxyType({}),
+    ) -> Scene:
+        """Return what the part moves among: fixed parts as assembled, loose ones at rest, waiting ones where given."""
+        poses = [(n, self.assembled[n]) for n in fixed] + [(n, self.rest.poses[n]) for n in loose]
+        obstacles = [Obstacle(body=self.bodies[n], T_world_part=T) for n, T in (*poses, *waiting.items())]
         body = self.bodies[name]
         return Scene(
             body,
@@ -61,6 +69,7 @@ def plan_motion(
     *,
     config: MotionConfig,
     rng: np.random.Generator,
+    simultaneous: Mapping[str, Pose | None] = MappingProxyType({}),
 ) -> Motion | Unsolved:
     """Return the part's motion from resting to assembled pose, or why there is none.
 
@@ -68,20 +77,23 @@ def plan_motion(
         name: The part that moves.
         insertion: Its last stretch.
         fixed: Parts already placed.
-        loose: Parts that still rest on the table.
+        loose: Parts that still rest on the table, those that are inserted at the same time aside.
         setting: Geometry, poses and table.
         config: Options.
         rng: The part's own generator.
+        simultaneous: Parts that are inserted at the same time, each with where it waits for that already, if it does;
+            else it still rests. During the insertion nothing is asked of them.
     """
     body = setting.bodies[name]
-    scene = setting.scene(name, fixed, loose, config)
+    waiting = {other: setting.rest.poses[other] if T is None else T for other, T in simultaneous.items()}
+    scene = setting.scene(name, fixed, loose, config, waiting)
     resting = setting.rest.poses[name]
     lifted = resting.copy()
     lifted[:3, 3] += config.lift * body.size * setting.table.normal
     lift = scene.check_edge(resting, lifted, table=False)
     if not lift.free:
         return _unsolved(name, (lift.blocked_by,), "cannot be lifted off the table")
-    if config.insertion == "rrt":
+    if config.insertion == "rrt" and not simultaneous:
         return _pure_rrt(name, scene, resting, lifted, fixed, setting, config, rng)
     among_loose = setting.scene(name, (), loose, config).with_clearance(0.0)
     for T_a, T_b in pairwise(insertion.poses):

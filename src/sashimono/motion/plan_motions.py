@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +16,7 @@ from sashimono.disassembly.removal import Removal
 from sashimono.geometry.body import Body
 from sashimono.motion import table as tables
 from sashimono.motion.config import MotionConfig
-from sashimono.motion.insertion import Insertion, plan_insertion, sweep_low
+from sashimono.motion.insertion import Insertion, plan_insertion, sweep_low, whole_insertion
 from sashimono.motion.one_motion import Setting, plan_motion
 from sashimono.motion.scene import Obstacle, slab_directions
 from sashimono.motion.workspace import rest_parts
@@ -52,6 +53,7 @@ def plan_motions(
     config: MotionConfig,
     rng: np.random.Generator,
     in_place: Sequence[str] = (),
+    simultaneous: Mapping[str, Sequence[str]] = MappingProxyType({}),
     bodies: Mapping[str, Body] | None = None,
     resting: RestingPoses | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -69,6 +71,8 @@ def plan_motions(
         config: Options.
         rng: Source of randomness; each part gets its own child, by its index in the assembly.
         in_place: Parts that stand assembled with the base part from the beginning.
+        simultaneous: Of a part, those next to it in the order that are inserted at the same time. Each is brought to
+            where its insertion begins, which is its whole removal. If one of them has no motion, none has.
         bodies: From `make_bodies`, to share them with other levels; made here if None.
         resting: Table and resting poses from elsewhere; parts that it does not name are laid out beside them.
         progress: Called with (parts done, parts in all).
@@ -89,7 +93,7 @@ def plan_motions(
     R_table = tables.frame(normal)
     directions = slab_directions(R_table)
 
-    insertions = _plan_insertions((base, *in_place), moving, known, bodies, assembled, directions, config)
+    insertions = _plan_insertions((base, *in_place), moving, known, simultaneous, bodies, assembled, directions, config)
     standing = min(bodies[name].lowest(assembled[name], normal) for name in (base, *in_place))
     if resting is None:
         offset = _table_offset(standing, normal, moving, insertions, bodies, assembled, config)
@@ -113,16 +117,17 @@ def plan_motions(
     }
     unsolved: list[Unsolved] = []
     for k, name in enumerate(moving):
-        fixed = [base, *in_place, *moving[:k]]
-        loose = [*(u.part for u in unsolved), *moving[k + 1 :]]
+        mates = simultaneous.get(name, ())
+        fixed = [n for n in (base, *in_place, *moving[:k]) if n not in mates]
+        loose = [n for n in (*(u.part for u in unsolved), *moving[k + 1 :]) if n not in mates]
+        meanwhile = {n: insertions[n].poses[0] if n in motions else None for n in mates}
         if name not in insertions:
             answer: Motion | Unsolved = Unsolved(
                 part=name, answer=Answer.UNKNOWN, blocked_by=(), reason="no removal motion to reverse"
             )
         else:
-            answer = plan_motion(
-                name, insertions[name], fixed, loose, setting, config=config, rng=rngs[assembly.index(name)]
-            )
+            options = {"config": config, "rng": rngs[assembly.index(name)], "simultaneous": meanwhile}
+            answer = plan_motion(name, insertions[name], fixed, loose, setting, **options)
         if isinstance(answer, Motion):
             motions[name] = answer
         else:
@@ -130,6 +135,17 @@ def plan_motions(
             _logger.info("no motion for %s: %s", name, answer.reason)
         if progress is not None:
             progress(k + 1, len(moving))
+    for name, mates in simultaneous.items():
+        if name not in motions:
+            continue
+        if missing := next((other for other in mates if other not in motions), None):
+            reason = f"it goes in at the same time as {missing}, which has no motion"
+            unsolved.append(Unsolved(part=name, answer=Answer.UNKNOWN, blocked_by=(missing,), reason=reason))
+        else:
+            slowest = max(_insertion_time(motions[other]) for other in (name, *mates))
+            motions[name] = _with_insertion_time(motions[name], slowest)
+    for entry in unsolved:
+        motions.pop(entry.part, None)
     return MotionResult(
         table=table,
         fixture_height=standing - offset,
@@ -139,10 +155,25 @@ def plan_motions(
     )
 
 
+def _insertion_time(motion: Motion) -> float:
+    """How long an insertion along one geodesic takes [s]."""
+    assert motion.times is not None
+    return float(motion.times[-1] - motion.times[-2])
+
+
+def _with_insertion_time(motion: Motion, seconds: float) -> Motion:
+    """The motion with a slower insertion, along one geodesic."""
+    assert motion.times is not None
+    times = motion.times.copy()
+    times[-1] = times[-2] + seconds
+    return replace(motion, times=times, evidence={**motion.evidence, "duration": float(times[-1])})
+
+
 def _plan_insertions(
     standing: Sequence[str],
     moving: Sequence[str],
     removals: Mapping[str, Removal],
+    simultaneous: Mapping[str, Sequence[str]],
     bodies: Mapping[str, Body],
     assembled: Mapping[str, Float[np.ndarray, "4 4"]],
     directions: Float[np.ndarray, "direction 3"],
@@ -150,19 +181,19 @@ def _plan_insertions(
 ) -> dict[str, Insertion]:
     """The insertion of each part that has a removal, among the parts placed before it."""
     insertions: dict[str, Insertion] = {}
-    placed = [Obstacle(body=bodies[name], T_world_part=assembled[name]) for name in standing]
+    before = list(standing)
     for name in moving:
         if name in removals:
-            insertions[name] = plan_insertion(
-                bodies[name],
-                assembled[name],
-                removals[name],
-                placed,
-                directions=directions,
-                margin=config.preinsertion_margin * bodies[name].size,
-                max_checks=config.max_edge_checks,
-            )
-        placed.append(Obstacle(body=bodies[name], T_world_part=assembled[name]))
+            mates = simultaneous.get(name, ())
+            placed = [Obstacle(body=bodies[n], T_world_part=assembled[n]) for n in before if n not in mates]
+            which = (bodies[name], assembled[name], removals[name], placed)
+            if mates:
+                insertions[name] = whole_insertion(*which, directions=directions)
+            else:
+                margin = config.preinsertion_margin * bodies[name].size
+                options = {"margin": margin, "max_checks": config.max_edge_checks}
+                insertions[name] = plan_insertion(*which, directions=directions, **options)
+        before.append(name)
     return insertions
 
 

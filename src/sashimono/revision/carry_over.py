@@ -77,6 +77,7 @@ class _Carrier:
             part=self.names[leader],
             fixed=self.known(step.fixed),
             moving=tuple(self.names[name] for name in members) if step.moving else (),
+            simultaneous=self.known(step.simultaneous),
             held=self.known(step.held),
             motion=Motion(T_world_part=new_path, segments=step.motion.segments, evidence={}, times=step.motion.times),
             contact=None if step.contact is None else _moved_contact(step.contact, to_new),

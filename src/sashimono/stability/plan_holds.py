@@ -9,7 +9,7 @@ import numpy as np
 
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
-from sashimono.plan import AssemblyPlan, Fixture, Motion, Step, Table, same_table
+from sashimono.plan import AssemblyPlan, Fixture, Motion, Step, Table, same_table, simultaneous_steps
 from sashimono.stability.config import StabilityConfig
 from sashimono.stability.holding import fewest_held
 from sashimono.stability.statics import Statics
@@ -51,7 +51,7 @@ def _hold_level(steps: Sequence[Step], table: Table, touching: Touching) -> tupl
     fixed = () if fixture is None else fixture.parts
     out: list[Step] = []
     held: tuple[str, ...] = ()
-    for step in steps:
+    for k, step in enumerate(steps):
         if step.table is not None:
             statics, fixed = Statics(touching, step.table), ()
             turned = fewest_held(statics, step.fixed, preferred=held)
@@ -59,17 +59,21 @@ def _hold_level(steps: Sequence[Step], table: Table, touching: Touching) -> tupl
             step = replace(step, held_before=held)
             if not turned.fewest:
                 step = replace(step, motion=_not_fewest(step.motion))
+        # what is inserted at the same time is let go at the same time
+        brought = tuple(name for each in simultaneous_steps(steps, k) for name in each.members)
         found = fewest_held(
-            statics, (*step.fixed, *step.members), fixed=fixed, preferred=(*held, *step.members) if step.moves else ()
+            statics, (*step.fixed, *brought), fixed=fixed, preferred=(*held, *brought) if step.moves else ()
         )
-        hands = max(len(held) + step.moves, len(found.held))
-        held = found.held
+        hands = max(len(held) + step.moves + len(step.simultaneous), len(found.held))
+        after = found.held
         inside = step.subassembly
         if inside is not None and inside.table is not None:
             inner, below = _hold_level(inside.steps, inside.table, touching)
             inside = replace(inside, steps=inner, fixture=below)
         motion = step.motion if found.fewest else _not_fewest(step.motion)
-        out.append(replace(step, held=held, hands=hands, subassembly=inside, motion=motion))
+        out.append(replace(step, held=after, hands=hands, subassembly=inside, motion=motion))
+        if not any(later.part in step.simultaneous for later in steps[k + 1 :]):
+            held = after
     return tuple(out), fixture
 
 

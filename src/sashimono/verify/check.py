@@ -25,7 +25,7 @@ from sashimono.verify.overlap import AssembledOverlaps
 from sashimono.verify.pairs import PairFinding, check_by_fit, check_pair, check_table, pair_tolerance
 from sashimono.verify.report import StepReport, VerifyReport
 from sashimono.verify.resting import resting_problems
-from sashimono.verify.structure import member_poses, members, plan_problems, step_problems
+from sashimono.verify.structure import member_poses, members, plan_problems, simultaneous_problems, step_problems
 from sashimono.verify.sweep import Screws
 from sashimono.verify.target import HalfSpace
 from sashimono.verify.tool import tool_problems
@@ -163,10 +163,17 @@ class _Site:
 
     def forms(self, steps: Sequence[Step]) -> list[list[str]]:
         """What is wrong with the form of each of these steps, which follow one another."""
-        out, placed = [], []
-        for step in steps:
-            out.append(step_problems(step, placed, self.assembly, self.unsolved, self.config))
+        placed: list[str] = []
+        out = simultaneous_problems(steps)
+        for k, step in enumerate(steps):
+            with_it = {name for other in steps[:k] if other.part in step.simultaneous for name in members(other)}
+            before = [name for name in placed if name not in with_it]
+            out[k] += step_problems(step, before, self.assembly, self.unsolved, self.config)
             placed += members(step)
+        broken = [step.part for step, problems in zip(steps, out, strict=True) if problems]
+        for step, problems in zip(steps, out, strict=True):
+            if not problems and (wrong := [name for name in step.simultaneous if name in broken]):
+                problems.append(f"happens at the same time as {wrong[0]!r}, of which the form is wrong")
         return out
 
     def compound(self, step: Step) -> SampledBody:
@@ -218,7 +225,8 @@ def _check_level(steps: Sequence[Step], table: Table | None, site: _Site) -> tup
             reports.append(StepReport(index=k, part=step.part, problems=tuple(forms[k]), inside=inside))
             continue
         later = [steps[j] for j in stretch_after(steps, k) if not forms[j]]
-        report = replace(_check_step(k, step, later, tables[k], site), inside=inside)
+        before = [each for each in steps[:k] if each.part in step.simultaneous]
+        report = replace(_check_step(k, step, before, later, tables[k], site), inside=inside)
         if step.table is not None:
             wrong = turn_problems(step.fixed, site.bodies, site.overlaps.poses, step.table, site.config)
             report = replace(report, problems=(*wrong, *report.problems))
@@ -226,20 +234,24 @@ def _check_level(steps: Sequence[Step], table: Table | None, site: _Site) -> tup
     return tuple(reports)
 
 
-def _check_step(index: int, step: Step, later: Sequence[Step], table: Table | None, site: _Site) -> StepReport:
-    """Check one step whose form is sound, with what follows it."""
+def _check_step(
+    index: int, step: Step, waiting: Sequence[Step], later: Sequence[Step], table: Table | None, site: _Site
+) -> StepReport:
+    """Check one step whose form is sound: those before it that happen at the same time, and what follows it."""
     body, config = site.compound(step), site.config
     problems, contact_wrong, notes = [], [], []
     if table is not None and index > 0:
         problems += resting_problems(body, step.motion.T_world_part[0], table, config)
     findings = []
     for name in members(step):
-        found = _pair_findings(step, name, later, table, site)
+        found = _pair_findings(step, name, waiting, later, table, site)
         whose = f"{name} " if step.moving else ""
         problems += [f"{whose}{finding.problem}" for finding in found if finding.problem]
         findings += found
     notes += [note for finding in findings for note in finding.notes]
-    if step.contact is not None:
+    if step.contact is not None and step.simultaneous:
+        contact_wrong = ["a contact is stated, and none can be checked of what goes in at the same time as another"]
+    elif step.contact is not None:
         contact_wrong, remarks = contact_problems(step, body, _surroundings(step, later, table, site), config)
         notes += remarks
     elif index > 0:
@@ -272,19 +284,56 @@ def _surroundings(step: Step, later: Sequence[Step], table: Table | None, site: 
 
 
 def _pair_findings(
-    step: Step, moving: str, later: Sequence[Step], table: Table | None, site: _Site
+    step: Step, moving: str, waiting: Sequence[Step], later: Sequence[Step], table: Table | None, site: _Site
 ) -> list[PairFinding]:
-    """Move one part past everything that is there: placed parts, parts still resting, the table."""
+    """Move one part past everything that is there: placed parts, parts still resting, the table.
+
+    ``waiting``: those steps before it that happen at the same time. ``later``: what comes after it.
+    """
     body, poses = site.bodies[moving], member_poses(step, moving, site.assembly)
     past = _Past(site, body, poses)
     findings = [past.part(name, site.overlaps.poses[name], site.overlaps) for name in step.fixed]
-    for waiting in later:
-        for name in members(waiting):
-            findings.append(past.part(name, member_poses(waiting, name, site.assembly)[0], None))
+    for other in later:
+        if other.part not in step.simultaneous:
+            for name in members(other):
+                findings.append(past.part(name, member_poses(other, name, site.assembly)[0], None))
+    if step.simultaneous:
+        findings += _simultaneous_findings(step, body, poses, waiting, later, site)
     if table is not None:
         findings.append(
             check_table(body, HalfSpace(normal=table.normal, offset=table.offset), past.path, config=site.config)
         )
+    return findings
+
+
+def _simultaneous_findings(
+    step: Step,
+    body: SampledBody,
+    poses: Float[np.ndarray, "pose 4 4"],
+    waiting: Sequence[Step],
+    later: Sequence[Step],
+    site: _Site,
+) -> list[PairFinding]:
+    """What a part meets of those that go in at the same time: before that they wait, or still rest.
+
+    Two that go in are looked at once, with the later step: the way of one seen from the other, which is straight.
+    """
+    findings, last = [], len(poses) - 2
+    brought = _Past(site, body, poses[:-1])
+    for other in later:
+        if other.part in step.simultaneous:
+            for name in members(other):
+                findings.append(brought.part(name, member_poses(other, name, site.assembly)[0], None))
+    for other in waiting:
+        for name in members(other):
+            theirs, T = member_poses(other, name, site.assembly), site.overlaps.poses[name]
+            findings.append(brought.part(name, theirs[-2], None))
+            seen = np.array(
+                [T @ se3.inverse(there) @ here for there, here in zip(theirs[-2:], poses[-2:], strict=True)]
+            )
+            found = _Past(site, body, seen).part(name, T, site.overlaps)
+            problem = found.problem and f"as both go in, from pose {last} on, {found.problem}"
+            findings.append(replace(found, pose=last + found.pose, problem=problem))
     return findings
 
 

@@ -95,8 +95,10 @@ class PlacedParts:
         fixed = () if fixture is None else fixture.parts
         problems = []
         before: tuple[str, ...] = ()
-        for step, on in zip(steps, tables_of(steps, table), strict=True):
-            placed = (*step.fixed, *members(step))
+        for k, (step, on) in enumerate(zip(steps, tables_of(steps, table), strict=True)):
+            # what is inserted at the same time is let go at the same time
+            brought = [each for each in steps if each is step or each.part in step.simultaneous]
+            placed = (*step.fixed, *(name for each in brought for name in members(each)))
             if step.table is not None:
                 before, fixed = step.held_before, ()
             if on is None or step.hands is None:
@@ -109,13 +111,14 @@ class PlacedParts:
             found += [f"{name!r} is held, but not in place" for name in step.held if name not in placed]
             at_rest = {each.part for each in steps if len(each.motion.T_world_part) == 1}
             found += [f"{name!r} is in the fixture, but brought later" for name in fixed if name not in at_rest]
-            hands = max(len(before) + (len(step.motion.T_world_part) > 1), len(step.held))
+            hands = max(len(before) + (len(step.motion.T_world_part) > 1) + len(step.simultaneous), len(step.held))
             if step.hands != hands:
                 found.append(f"takes {hands} hands, not {step.hands}")
             falling = self.falling(placed, {*step.held, *fixed}, on)
             found += [f"{name} floats or tips, and is not held" for name in falling]
             problems.append(tuple(found))
-            before = step.held
+            if not any(each.part in step.simultaneous for each in steps[k + 1 :]):
+                before = step.held
         return problems
 
     def falling(self, placed: Sequence[str], held: Collection[str], table: Table) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +13,9 @@ from sashimono.geometry import se3
 from sashimono.plan import AssemblyPlan, Motion, Step, Table
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.declared import declared_problems
+
+_NO_TURN = 1e-9
+"""Most that an entry of a rotation may change where nothing turns."""
 
 
 def plan_problems(plan: AssemblyPlan, assembly: Assembly, config: VerifyConfig) -> tuple[list[str], list[str]]:
@@ -99,6 +102,43 @@ def _order_problems(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
         if not absent and not unsolved:
             problems.append("called partial, but every part has a step and nothing is unsolved")
     return problems
+
+
+def simultaneous_problems(steps: Sequence[Step]) -> list[list[str]]:
+    """Return, for each of these steps that follow one another, what is wrong with what happens at the same time.
+
+    Insertions that go at once must be straight, and of one stretch: then they pass each other in straight lines.
+    """
+    number = {step.part: k for k, step in enumerate(steps)}
+    return [_simultaneous_problems(step, k, steps, number) for k, step in enumerate(steps)]
+
+
+def _simultaneous_problems(step: Step, k: int, steps: Sequence[Step], number: Mapping[str, int]) -> list[str]:
+    if not step.simultaneous:
+        return []
+    if unknown := [name for name in step.simultaneous if number.get(name, k) == k]:
+        return [f"is to happen at the same time as {unknown[0]!r}, which is no other step"]
+    together = sorted([k, *(number[name] for name in step.simultaneous)])
+    names = {steps[j].part for j in together}
+    if len(names) <= len(step.simultaneous) or any({steps[j].part, *steps[j].simultaneous} != names for j in together):
+        return [f"the steps of {', '.join(sorted(names))} do not agree on what happens at the same time"]
+    if together != list(range(together[0], together[-1] + 1)):
+        return [f"the steps of {', '.join(sorted(names))} happen at the same time, but do not follow one another"]
+    if step.table is not None and k > together[0]:
+        return ["the product is turned over between steps that happen at the same time"]
+    segments, poses = step.motion.segments, step.motion.T_world_part
+    if [s.kind for s in segments] != ["transit", "insertion"] or segments[1].stop - segments[1].start != 1:
+        return ["happens at the same time as another step, so it must have a transit, then an insertion of one stretch"]
+    if np.abs(poses[-1, :3, :3] - poses[-2, :3, :3]).max() > _NO_TURN:
+        return ["happens at the same time as another step, so it must not turn in its insertion"]
+    if len({_insertion_time(steps[j].motion) for j in together}) > 1:
+        return ["happens at the same time as another step, but its insertion takes another time"]
+    return []
+
+
+def _insertion_time(motion: Motion) -> float | None:
+    """How long the last stretch takes [s], to the microsecond; None where nothing is said of times."""
+    return None if motion.times is None else round(float(motion.times[-1] - motion.times[-2]), 6)
 
 
 def _placed(step: Step) -> list[str]:

@@ -54,6 +54,7 @@ def clip_steps(plan: AssemblyPlan, assembly: Assembly, wanted: str | None = None
     """
     moving = tuple(entry for entry in played_steps(plan, assembly, ViewConfig()) if entry.step.moves)
     if wanted is None:
+        moving = tuple(entry for entry in moving if not entry.waits)  # shown with those that it waits for
         if not moving:
             raise SashimonoError("no step of this plan moves anything. There is nothing to show.")
         return moving
@@ -120,6 +121,7 @@ def _frames(
         points = se3.apply(T @ plan.parts[name], part.vertices_part)
         return Solid(points=points, faces=part.faces, color=color, glass=glass)
 
+    every = {entry.step.part: entry for entry in played_steps(plan, assembly, ViewConfig()) if entry.step.moves}
     for entry, lookout in zip(steps, step_lookouts(plan, steps, assembly), strict=True):
         assert lookout is not None, "each of the steps moves"
         # a subassembly is put together on a bench: where its world frame is shown
@@ -127,13 +129,17 @@ def _frames(
         fixed = [
             solid(name, T_page, 0.72 * grey + 0.28 * colors[name], name in lookout.hiding) for name in entry.step.fixed
         ]
-        shifts = [pose @ se3.inverse(plan.parts[entry.step.part]) for pose in _way(entry, config.frames)]
-        ends = [solid(name, T, orange) for T in (shifts[0], shifts[-1]) for name in entry.step.members]
+        together = (entry, *(every[name] for name in entry.step.simultaneous))
+        ways = [(each, se3.inverse(plan.parts[each.step.part]), _way(each, config.frames)) for each in together]
+        frames = [
+            [solid(name, poses[k] @ back, orange) for each, back, poses in ways for name in each.step.members]
+            for k in range(config.frames)
+        ]
+        ends = (*frames[0], *frames[-1])
         R = _look_toward(lookout.toward, up)
         shown = np.concatenate([each.points for each in (*fixed, *ends)])
         view = fit_view(shown, R, config.width, config.height)
-        for shift in shifts:
-            moving = [solid(name, shift, orange) for name in entry.step.members]
+        for moving in frames:
             yield draw_picture([*fixed, *moving], view, times=config.supersample)
 
 

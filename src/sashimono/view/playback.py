@@ -6,6 +6,9 @@ the eye, has not been planned, and is a segment of the kind ``carry``.
 
 Where the product is turned over, the page shows it turned on a table that stays: all that is placed moves as one, in a
 segment of the kind ``turn``, made up likewise. It comes to stand so that the parts that follow wait where none did.
+
+What is inserted at the same time is brought one after the other. The first ones wait, in a segment of the kind
+``wait``, until the last one is there.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ class PlayedSegment:
     """One stretch of what is shown, from pose ``start`` to pose ``stop``."""
 
     kind: str
-    """``transit``, ``insertion``, ``carry`` or ``turn``."""
+    """``transit``, ``insertion``, ``carry``, ``turn`` or ``wait``."""
     start: int
     stop: int
 
@@ -49,6 +52,11 @@ class PlayedStep:
     segments: tuple[PlayedSegment, ...]
     turns: bool = False
     """Whether it is no step of the plan, but the product turned over: all that is placed moves."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether it waits for others that are inserted at the same time: its last two poses are as late as theirs."""
+        return any(segment.kind == "wait" for segment in self.segments)
 
     @property
     def depth(self) -> int:
@@ -132,6 +140,14 @@ class _Stage:
                     *(PlayedSegment(kind=s.kind, start=s.start + n, stop=s.stop + n) for s in segments),
                 ]
                 poses = np.concatenate([way, poses[1:]])
+            if any(later.part in step.simultaneous for later in steps[k + 1 :]):
+                begin = segments[-1].start
+                poses = np.insert(poses, begin, poses[begin], axis=0)
+                segments = [
+                    *segments[:-1],
+                    PlayedSegment(kind="wait", start=begin, stop=begin + 1),
+                    PlayedSegment(kind="insertion", start=begin + 1, stop=len(poses) - 1),
+                ]
             yield PlayedStep(step=step, label=label, poses=poses, segments=tuple(segments))
 
     def _pages(self, steps: Sequence[Step], T_page: Float[np.ndarray, "4 4"]) -> list[Float[np.ndarray, "4 4"]]:

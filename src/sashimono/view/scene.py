@@ -157,6 +157,7 @@ def _step(
         "contact": None if step.contact is None else _contact(step.contact, own_times),
         "carry": None if step.carry is None else _contact(step.carry, own_times),
         "contactReason": step.contact_reason,
+        "simultaneous": list(step.simultaneous),
         "held": list(step.held),
         "closeFits": [*dict.fromkeys(fit.other for fit in step.close_fits)],
         "turns": played.turns,

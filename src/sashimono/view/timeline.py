@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -85,8 +85,8 @@ def make_timeline(plan: AssemblyPlan, played: Sequence[PlayedStep], assembly: As
     """Return the times of every step: proportional to path length, insertions slower, a hold before and after."""
     speed = scene_diagonal(plan, assembly) / config.traverse_seconds
     clock = 0.0
-    steps = []
-    for entry in played:
+    steps: list[StepTiming] = []
+    for k, entry in enumerate(played):
         start = clock
         if len(entry.poses) == 1:
             clock += config.base_seconds
@@ -94,8 +94,14 @@ def make_timeline(plan: AssemblyPlan, played: Sequence[PlayedStep], assembly: As
         else:
             seconds = _move_seconds(entry, assembly.part(entry.step.part), speed, config)
             pose_times = start + config.hold_seconds + np.concatenate([[0.0], np.cumsum(seconds)])
-            clock = float(pose_times[-1]) + config.hold_seconds
+            # what waits goes in with the last of its kind: its own last two times are set then
+            clock = float(pose_times[-3 if entry.waits else -1]) + config.hold_seconds
         steps.append(StepTiming(start=start, stop=clock, pose_times=pose_times))
+        if entry.step.simultaneous and not entry.waits:
+            for j, other in enumerate(played[:k]):
+                if other.waits and other.step.part in entry.step.simultaneous:
+                    times = np.concatenate([steps[j].pose_times[:-2], pose_times[-2:]])
+                    steps[j] = replace(steps[j], stop=clock, pose_times=times)
     return Timeline(steps=tuple(steps), duration=max(clock, config.base_seconds))
 
 

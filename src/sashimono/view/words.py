@@ -62,6 +62,10 @@ class Words:
     hold: str
     keep: str
     let_go: str
+    simultaneous: str
+    """Of parts that go in at the same time, each at constant speed."""
+    with_others: str
+    """The same, of one of them that has a step of its own."""
     hands: str
     still_held: str
     """Of parts that must be held when all is done."""
@@ -135,6 +139,8 @@ ENGLISH = Words(
     hold="Hold {parts} so that nothing falls or tips.",
     keep="Keep holding {parts}.",
     let_go="Let go of {parts}.",
+    simultaneous="All of them at the same time: each starts with the others and ends with them.",
+    with_others="At the same time as {parts}: start together and end together.",
     hands="Needs {count} hands at once.",
     still_held="The drawing shows nothing that holds {parts}: fasten before you let go.",
     turn_over="Turn subassembly {letter} as shown before you bring it.",
@@ -205,6 +211,8 @@ GERMAN = Words(
     hold="{parts} festhalten, damit nichts fällt oder kippt.",
     keep="{parts} weiter festhalten.",
     let_go="{parts} loslassen.",
+    simultaneous="Alle zugleich: zusammen anfangen und zusammen ankommen.",
+    with_others="Zugleich mit {parts}: zusammen anfangen und zusammen ankommen.",
     hands="Braucht {count} Hände zugleich.",
     still_held="Die Zeichnung zeigt nichts, was {parts} hält: vor dem Loslassen befestigen.",
     turn_over="Baugruppe {letter} vor dem Einsetzen wie gezeigt drehen.",
@@ -278,6 +286,8 @@ JAPANESE = Words(
     hold="{parts}を支え、落下や転倒を防ぎます。",
     keep="{parts}を支え続けます。",
     let_go="{parts}から手を離します。",
+    simultaneous="すべて同時に動かします。同時に始め、同時に終えます。",
+    with_others="{parts}と同時に動かします。同時に始め、同時に終えます。",
     hands="同時に{count}本の手が必要です。",
     still_held="図面には{parts}を固定するものがありません。手を離す前に固定してください。",
     turn_over="サブアセンブリ{letter}を図の向きに回してから取り付けます。",

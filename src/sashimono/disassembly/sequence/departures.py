@@ -25,11 +25,17 @@ class Departure:
     """How a subassembly comes apart by itself; None for a single part."""
     product: str | None = None
     """The product of the file's tree that it is, if it leaves as one for that."""
+    simultaneous: int = 0
+    """Mask of the parts of the departures next to it that happen at the same time; 0: none do."""
 
     @property
     def refusal(self) -> Refusal:
         """What is to be refused if this departure does not hold."""
-        return Refusal(members=self.members, direction_index=self.separation.direction_index)
+        return Refusal(
+            members=self.members,
+            direction_index=self.separation.direction_index,
+            simultaneous=self.simultaneous,
+        )
 
     @property
     def path_refusal(self) -> Refusal:
@@ -49,7 +55,7 @@ class Departure:
         s = self.separation.direction_index
         if self._is_turned and is_refused(refused, self.members, s, others, only_turned=True):
             return False
-        return not is_refused(refused, self.members, s, others)
+        return not is_refused(refused, self.members, s, others & ~self.simultaneous, simultaneous=self.simultaneous)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,12 +3,13 @@
 Removal is monotone (fewer parts never block more), so no removal is ever undone. As long as some
 part can leave, taking it is right. The rest is a matter of taste: small parts first, upwards,
 in runs of the same direction, and so that the remaining parts hang together. Where no part leaves alone,
-a subassembly leaves as one body, and is taken apart by itself: the result is a tree.
+a subassembly leaves as one body, and is taken apart by itself: the result is a tree. Where none of these is found,
+several parts or subassemblies leave at once, each by a translation of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
@@ -28,6 +29,7 @@ from sashimono.disassembly.sequence.departures import Departure, DisassemblyResu
 from sashimono.disassembly.sequence.products import ProductConfig, ProductGroup, whole_groups
 from sashimono.disassembly.sequence.reasons import VerdictConfig, add_reasons
 from sashimono.disassembly.sequence.search_config import OrderSearchConfig
+from sashimono.disassembly.translation.simultaneous import SimultaneousGroup
 from sashimono.plan import Answer
 
 
@@ -93,11 +95,13 @@ def _disassemble(chooser: _Chooser, start: int, progress: Callable[[int], None])
     last: Float[np.ndarray, "3"] | None = None
     while remaining & (remaining - 1):
         choice, protected, said = chooser.next(remaining, protected, last)
-        if choice is None:
+        leaving = chooser.simultaneous(remaining, protected) if choice is None else (choice,)
+        if not leaving:
             break
-        removals.append(choice)
-        remaining &= ~choice.members
-        removal = choice.separation.removal
+        removals += leaving
+        for departure in leaving:
+            remaining &= ~departure.members
+        removal = leaving[-1].separation.removal
         last = None if removal is None else removal.exit_direction
         progress(start.bit_count() - remaining.bit_count())
     held: tuple[HeldProduct, ...] = ()
@@ -430,3 +434,26 @@ class _Chooser:
             answer=Answer.FREE, removal=found.removal, direction_index=found.direction_index, stage="subassembly"
         )
         return Departure(part=inside.base, members=found.members, separation=separation, inside=inside)
+
+    def simultaneous(self, remaining: int, protected: int) -> tuple[Departure, ...]:
+        """Sets of parts that leave at once, each by a translation of its own; none if none are found."""
+        units = self.units(remaining)
+
+        def allowed(groups: Collection[int]) -> bool:
+            moving = sum(groups)
+            others = remaining & ~moving
+            whole = all(unit.members & mask in (0, unit.members) for unit in units for mask in groups)
+            waits = any(self.wishes.holds_back(part, others) for part in bits(moving))
+            refused = any(is_refused(self.refused, m, None, others, simultaneous=moving & ~m) for m in groups)
+            return whole and not waits and not refused
+
+        found = self.cascade.find_simultaneous(remaining, stays=protected, allowed=allowed)
+        moving = sum(group.members for group in found)
+        return tuple(self._leaving(group, moving & ~group.members) for group in found)
+
+    def _leaving(self, group: SimultaneousGroup, simultaneous: int) -> Departure:
+        members = group.members
+        inside = _disassemble(self, members, lambda removed: None) if members & (members - 1) else None
+        separation = Separation(answer=Answer.FREE, removal=group.removal, stage="simultaneous")
+        part = bits(members)[0] if inside is None else inside.base
+        return Departure(part=part, members=members, separation=separation, inside=inside, simultaneous=simultaneous)

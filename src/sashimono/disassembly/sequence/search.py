@@ -64,8 +64,8 @@ class OrderSearch:
         """
         removals = tuple(self._inside(departure, refused, products) for departure in found.removals)
         found = replace(found, removals=removals)
-        if not removals:
-            return found
+        if not removals or any(departure.simultaneous for departure in removals):
+            return found  # an order grows part by part, and some of these leave only together
         run = SearchRun(self._site, found, start, refused, up, products)
         may_turn = top and up is None
         mended = run.mended()
@@ -108,6 +108,8 @@ class OrderSearch:
             turn: Where the product is turned over.
             products: What leaves as one.
         """
+        if any(departure.simultaneous for departure in found.removals):
+            return {}
         run = SearchRun(self._site, found, start, refused, up, products)
         order = replace(run.greedy(up), turn=turn)
         asked = Alternatives(

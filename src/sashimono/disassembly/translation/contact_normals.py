@@ -48,22 +48,33 @@ class ContactNormals:
         """Return whether two parts touch."""
         return len(self._pair(part, other)) > 0
 
+    def normals(
+        self, part: int, other: int, *, offset: Float[np.ndarray, "3"] | None = None
+    ) -> Float[np.ndarray, "contact 3"]:
+        """Return the unit normals that relieve a part of another one, none twice.
+
+        ``offset``: how far the part is shifted from where it is assembled [m]; not at all if None.
+        """
+        return self._pair(part, other) if offset is None else self._measure(part, other, offset)
+
     def _pair(self, part: int, other: int) -> Float[np.ndarray, "contact 3"]:
         key = (min(part, other), max(part, other))
         if key not in self._pairs:
             self._pairs[key] = self._measure(*key)
         return self._pairs[key] if part == key[0] else -self._pairs[key]
 
-    def _measure(self, a: int, b: int) -> Float[np.ndarray, "contact 3"]:
+    def _measure(self, a: int, b: int, offset: Float[np.ndarray, "3"] | None = None) -> Float[np.ndarray, "contact 3"]:
         """Normals that relieve a: samples of a near b give -normal of a, samples of b near a give +normal of b."""
         parts = self._parts
         near = self._gap * parts.smaller_size(a, b)
-        if not parts.boxes_meet(a, b, near):
+        if offset is None and not parts.boxes_meet(a, b, near):
             return np.zeros((0, 3))
+        T_shifted = parts.poses[a] if offset is None else se3.make(None, offset) @ parts.poses[a]
         found = [np.zeros((0, 3))]
         for first, second, sign in ((a, b, -1.0), (b, a, 1.0)):
             body, tree = parts.bodies[first], parts.bodies[second]
-            T = se3.inverse(parts.poses[second]) @ parts.poses[first]
+            T_first, T_second = (T_shifted if k == a else parts.poses[k] for k in (first, second))
+            T = se3.inverse(T_second) @ T_first
             points = se3.apply(T, body.samples)
             inside = ((points > tree.bounds[0] - near) & (points < tree.bounds[1] + near)).all(axis=1)
             if not inside.any():
@@ -74,8 +85,10 @@ class ContactNormals:
             normals = body.sample_normals[touching]
             ahead = se3.apply(T, body.samples[touching] + 2.0 * near * normals)
             facing = tree.signed_distance.query(ahead) < 0.0 if len(ahead) else np.zeros(0, bool)
-            found.append(sign * normals[facing] @ parts.poses[first][:3, :3].T)
-        return np.unique(np.round(np.concatenate(found), 4), axis=0)
+            found.append(sign * normals[facing] @ T_first[:3, :3].T)
+        every = np.concatenate(found)
+        _, first_of_each = np.unique(np.round(every, 4), axis=0, return_index=True)
+        return every[first_of_each]
 
 
 def escape_directions(

@@ -78,6 +78,11 @@ class Task:
         return tuple(name for step in self.steps for name in step.members)
 
     @property
+    def simultaneous(self) -> bool:
+        """Whether it is several different parts that go in at the same time."""
+        return len(self.steps) > 1 and bool(self.step.simultaneous)
+
+    @property
     def held(self) -> tuple[str, ...]:
         """What must be held when all is done."""
         return self.steps[-1].held
@@ -239,7 +244,7 @@ class _Writer:
         groups: list[list[tuple[str, Step]]] = []
         for k, step in enumerate(steps, start=1):
             entry = (f"{prefix}{k}", step)
-            if groups and self._alike(groups[-1][-1][1], step):
+            if groups and (self._alike(groups[-1][-1][1], step) or _one_picture(groups[-1][0][1], step, steps)):
                 groups[-1].append(entry)
             else:
                 groups.append([entry])
@@ -260,6 +265,13 @@ class _Writer:
         same_way = len(a.insertion) == len(b.insertion) and abs(a.turns - b.turns) < 0.25
         same_notes = (a.contact is None) == (b.contact is None) and set(a.held) == set(b.held)
         return same_way and same_notes and abs(a.length - b.length) <= 0.1 * max(a.length, b.length)
+
+
+def _one_picture(first: Step, step: Step, steps: Sequence[Step]) -> bool:
+    """Whether the two, next to each other, go in at the same time, and nothing of that was put together before."""
+    if step.part not in first.simultaneous:
+        return False
+    return not any(each.moving for each in steps if each is first or each.part in first.simultaneous)
 
 
 def _up(table: Table | None) -> Float[np.ndarray, "3"]:

@@ -228,11 +228,16 @@ class _Page:
             return f"{name}: {task.product}" if task.product else name
         if len(task.steps) == 1:
             return task.step.part
+        if task.simultaneous:
+            return names_words(task.members, words)
         return words.times.format(count=len(task.steps), part=task.row.label)
 
     def _say(self, task: Task, chapter: Chapter, name: str) -> list[str]:
         words = self._words
-        if task.step.insertion:
+        if task.simultaneous:
+            said = [f"{step.part}: {way_words(step.insertion, task.up, words)}{words.stop}" for step in task.steps]
+            said.append(words.simultaneous)
+        elif task.step.insertion:
             said = [_sentence(way_words(task.step.insertion, task.up, words) + self._seat(task), words)]
         elif task.step.moves:
             said = [_sentence(words.along.format(length="").strip(), words)]
@@ -245,6 +250,8 @@ class _Page:
             ]
         else:
             said = [words.place.format(part=name)]
+        if task.step.simultaneous and not task.simultaneous:
+            said.append(words.with_others.format(parts=names_words(task.step.simultaneous, words)))
         if task.turned:
             said.insert(0, words.turn_over.format(letter=task.brings))
         if task.turns_product:

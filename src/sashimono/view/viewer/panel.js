@@ -58,6 +58,7 @@ function deepest(steps) {
 function describeStep(step) {
   const facts = [];
   if (step.way) facts.push(`goes in ${step.way}`);
+  if (step.simultaneous.length) facts.push(`at the same time as ${step.simultaneous.join(", ")}`);
   if (step.declaredPitch !== null) {
     facts.push(`screwed in, pitch ${formatLength(step.declaredPitch)} (declared: the CAD has no thread)`);
   }
@@ -71,7 +72,7 @@ function describeStep(step) {
 }
 
 const TURN = "Turn the product over";
-const PHASES = { hold: "", turn: " · turned over, a way that is not planned", carry: " · carried over, a way that is not planned", transit: " · on its way from where it waits", insertion: " · going in" };
+const PHASES = { hold: "", turn: " · turned over, a way that is not planned", carry: " · carried over, a way that is not planned", transit: " · on its way from where it waits", wait: " · waits for what goes in at the same time", insertion: " · going in" };
 const KEYS = [
   ["Space", "play or pause"], ["← →", "previous, next step"], ["Home, End", "first, last"], ["/", "find a part by its name"],
   ["F", "show everything"], ["Shift + ← → ↑ ↓", "turn the view"], ["+ −", "nearer, farther"], ["C", "follow each step"],
