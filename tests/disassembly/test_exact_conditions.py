@@ -14,8 +14,9 @@ from sashimono.disassembly.conditions.clauses import RemovalConditions
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.paths import hit_by_path
 from sashimono.disassembly.removal import Removal
+from sashimono.disassembly.translation.caging import Cages
 from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
-from sashimono.disassembly.translation.lattice_flood import label
+from sashimono.disassembly.translation.lattice_flood import explore, label, met_on_every_way
 from sashimono.disassembly.translation.lattice_scene import Drawn, LatticeSceneBuilder, shell
 from sashimono.geometry import se3
 from sashimono.io.read import read_assembly
@@ -168,6 +169,61 @@ def test_the_points_that_are_kept_tell_what_all_points_would(seed: int, most: in
             assert not mask >> bit & 1 or any(met)
             if most > 4:
                 assert mask >> bit & 1 in (int(met[0]), int(met[1]))
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 10_000), fill=st.sampled_from([0.05, 0.15, 0.3, 0.5]), walls=st.booleans())
+def test_what_is_met_on_every_way_out_blocks_it_by_itself(seed: int, fill: float, walls: bool) -> None:
+    """Exactly those obstacles without which there is a way past the base, and with which there is none."""
+    rng = np.random.default_rng(seed)
+    shape, count, base = tuple(rng.integers(5, 10, 3).tolist()), 5, 0b1
+    labels = np.zeros(shape, np.int64)
+    for bit in range(count):
+        labels |= (rng.random(shape) < (fill if bit else 0.5 * fill)).astype(np.int64) << bit
+        if walls and bit:  # sheets right across the lattice
+            axis = int(rng.integers(3))
+            sheet = [slice(None)] * 3
+            sheet[axis] = int(rng.integers(1, shape[axis] - 1))
+            labels[tuple(sheet)] |= 1 << bit
+    if walls:  # a channel: the base all around the way out
+        labels[1:-1, 1:-1, [1, -2]] |= base
+        labels[1:-1, [1, -2], 1:-1] |= base
+    start = tuple(n // 2 for n in shape)
+    labels[start] = 0
+    scene = LatticeSceneBuilder(np.array(shape), count, max_points=1)
+    dot = Drawn(np.pad(np.ones((1, 1, 1), bool), 1), np.zeros(3, int))
+    scene.put(0, dot, dot)  # anything: all labels are known
+    built, known = scene.finished(), np.full(shape, -1, np.int64)
+    assert built is not None
+
+    def is_out(past: int) -> bool:
+        steps, queue = np.full(shape, -1, np.int32), np.empty((labels.size + 1, 3), np.int32)
+        return bool(explore(built, labels, known, start, past, steps, queue, labels.size)[0])
+
+    wanted = 0b11110
+    expected = sum(1 << bit for bit in range(1, count) if not is_out(base | 1 << bit)) if is_out(base) else 0
+    assert met_on_every_way(built, labels, known, start, base, wanted, 100 * labels.size) == expected
+    few = int(met_on_every_way(built, labels, known, start, base, wanted, 3))
+    assert few & ~expected == 0
+
+
+def test_rings_on_a_post_hold_the_lowest_one_by_themselves_each() -> None:
+    """Each ring above, and the post: what one proof tells of the others is what each is asked by itself."""
+    rings = {
+        f"ring{k}": rod(0.012, 0.004, (0.0, 0.0, 0.004 * k)) - rod(0.0051, 0.01, (0.0, 0.0, 0.004 * k))
+        for k in range(7)
+    }
+    parts = assembly(post=rod(0.005, 0.04, (0.0, 0.0, 0.014)) + rod(0.02, 0.004, (0.0, 0.0, -0.004)), **rings)
+    cascade = Cascade(parts, make_bodies(parts), config=SeparateConfig())
+    asked = Cages(cascade.parts, config=SpaceConfig())
+    everything = cascade.parts.all_parts & ~0b10
+    for above in range(2, 8):
+        proof = asked.prove(1, everything)
+        assert proof is not None
+        alone = Cages(cascade.parts, config=SpaceConfig()).prove(1, sum(1 << part for part in proof))
+        assert alone is not None
+        everything &= ~(1 << above)
+    assert asked.prove(1, everything) is None
 
 
 def test_a_ridge_lower_than_the_tolerance_proves_nothing() -> None:

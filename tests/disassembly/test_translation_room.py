@@ -72,9 +72,8 @@ def test_the_same_with_the_way_closed_is_held() -> None:
 def test_a_proof_put_off_comes_to_the_same_as_one_in_one_go() -> None:
     parts = riveted_plate()
     there = Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
-    cages = Cages(there, config=SpaceConfig())
-    assert cages.prove(0, 0b10) == (1,)
-    attempt = cages.attempt(0, 0b10)
+    assert Cages(there, config=SpaceConfig()).prove(0, 0b10) == (1,)
+    attempt = Cages(there, config=SpaceConfig()).attempt(0, 0b10)
     portions = [attempt.go_on(work=1) for _ in range(30)]
     found = next(k for k, proof in enumerate(portions) if proof is not None)
     assert found > 0, "one look was enough: this case does not show that a proof can be put off"

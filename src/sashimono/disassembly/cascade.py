@@ -42,7 +42,7 @@ __all__ = ["Cascade", "SeparateConfig"]
 class Cascade:
     """Answers separation questions about one assembly. A question that was asked before is answered faster.
 
-    The same question has the same answer, whatever was asked before.
+    The same question has the same answer, whatever was asked before; of several proofs, either may be told.
     """
 
     def __init__(

@@ -3,7 +3,10 @@
 A proof needs only the part of the configuration space that the flood reaches. So the lattice starts narrow and grows
 only on the side where the flood comes out. That lets it be as fine as thin walls need.
 
-Where a flood has come out past some obstacles, it comes out past fewer of them: there it need not be done again.
+Where a flood has come out past some obstacles, it comes out past fewer of them: there it need not be done again. Where
+one has not, others may hold the part as well in place of one of its obstacles: all the rings above one on a post do.
+Which of several proofs is told may depend on what was asked before of the same part; that there is one does not, as far
+as the budget goes.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from sashimono.disassembly.masks import bits
 from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.configuration_space import NESTED, Space, SpaceConfig
 from sashimono.disassembly.translation.drawing import KeptSolids
@@ -31,6 +35,12 @@ class Cages:
         self._kept = KeptSolids(most=config.max_kept)
         self._leaks: dict[_Key, list[tuple[int, tuple[int, int]]]] = {}
         """By lattice: past which obstacles (a mask) its flood came out, and on which side."""
+        self._swapped: set[int] = set()
+        """Sets of obstacles (masks) that hold the part, told by a proof with another one in place of one of them."""
+        self._windows: dict[int, np.ndarray] = {}
+        """By level: the window of the last proof."""
+        self._never: int = 0
+        """Parts (a mask) in whose place no other was found to hold it."""
 
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
@@ -42,11 +52,25 @@ class Cages:
             self._part = part
             self._spaces.clear()
             self._leaks.clear()
+            self._swapped.clear()
+            self._windows.clear()
+            self._never = 0
             self._kept = KeptSolids(most=self._config.max_kept)
         return Attempt(self._looks(others))
 
     def _looks(self, others: int) -> Iterator[tuple[int, tuple[int, ...] | None]]:
-        """Look from coarse to fine, from near to far: yield the lattice points of each look, and the proof it found."""
+        """Look from coarse to fine, from near to far: yield the lattice points of each look, and the proof it found.
+
+        Before that, where the last proofs were found: that may make an answer faster, and a proof of one that was none.
+        """
+        if known := [proof for proof in self._swapped if not proof & ~others]:
+            yield 0, tuple(bits(min(known, key=lambda proof: (proof.bit_count(), proof))))
+            return
+        for k, window in list(self._windows.items()):
+            work, proof, _ = self._look(k, window, others)
+            yield work, proof
+            if proof is not None:
+                return
         left = self._config.max_proof_work
         resolutions = self._config.proof_resolutions
         for k in range(len(resolutions)):
@@ -54,27 +78,58 @@ class Cages:
             # a lattice that leaks must not grow until nothing is left for the finer ones
             kept = left - left // (len(resolutions) - k)
             while left > kept:
-                space = self._space(k, window)
-                work = space.work(others)
+                work, proof, rim = self._look(k, window, others, most=left)
                 if work > left:
                     break
                 left -= work
-                leaks = self._leaks.setdefault(_key(k, window), [])
-                met = space.within_reach(others)
-                rim = next((rim for past, rim in leaks if not met & ~past), None)
-                if rim is None:
-                    flood = space.flood(others, max_visited=self._config.max_proof_visited)
-                    if flood.blocked:
-                        yield work, space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
-                        return
-                    rim = flood.rim
-                    if rim is not None:
-                        leaks.append((met, rim))
-                yield work, None
+                yield work, proof
+                if proof is not None:
+                    return
+                space = self._space(k, window)
                 if rim is None or space.window[rim] == space.full[rim]:
                     break  # nothing left of the part, out of budget, or really out
                 window = window.copy()
                 window[rim] *= self._config.proof_growth
+
+    def _look(
+        self, level: int, window: np.ndarray, others: int, *, most: float = np.inf
+    ) -> tuple[int, tuple[int, ...] | None, tuple[int, int] | None]:
+        """Return the lattice points of a look, and the proof that it found or the side on which the flood came out.
+
+        Of more lattice points than so many it does not look.
+        """
+        space = self._space(level, window)
+        work = space.work(others)
+        if work > most:
+            return work, None, None
+        leaks = self._leaks.setdefault(_key(level, window), [])
+        met = space.within_reach(others)
+        if (rim := next((rim for past, rim in leaks if not met & ~past), None)) is not None:
+            return work, None, rim
+        flood = space.flood(others, max_visited=self._config.max_proof_visited)
+        if flood.blocked:
+            proof = space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
+            self.swap(space, proof, others)
+            self._windows[level] = window
+            return work, proof, None
+        if flood.rim is not None:
+            leaks.append((met, flood.rim))
+        return work, None, flood.rim
+
+    def swap(self, space: Space, proof: tuple[int, ...], others: int) -> None:
+        """Note what else would hold the part asked about last in place of one of a proof's obstacles.
+
+        Looked at are the obstacles asked about (a mask), and those noted before: fewer may do with them as well.
+        """
+        among = others
+        for noted in self._swapped:
+            among |= noted
+        for other in proof:
+            if not self._never >> other & 1:
+                rest = sum(1 << part for part in proof if part != other)
+                found = space.swapped(proof, other, among=among & ~(rest | 1 << other))
+                self._swapped.update(rest | 1 << part for part in bits(found))
+                self._never |= 0 if found else 1 << other
 
     def _space(self, level: int, window: np.ndarray) -> Space:
         """The lattice of one level, and before it those of the coarser ones that it builds on."""

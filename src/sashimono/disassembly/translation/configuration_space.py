@@ -24,6 +24,7 @@ from sashimono.disassembly.translation.lattice_flood import (
     explore,
     label,
     label_all,
+    met_on_every_way,
     nearest_steps,
     steps_back,
     steps_from,
@@ -70,6 +71,10 @@ class SpaceConfig:
     """Most displacements visited by one flood."""
     max_proof_visited: int = 100_000
     """The same on a lattice that only proves."""
+    max_swap_cells: int = 500_000
+    """Most displacements of a lattice on which a proof is asked for others like it."""
+    max_swap_visited: int = 10_000
+    """Most of them visited for each obstacle that is put off, one that is visited again counted again."""
     max_lead: int = 2000
     """Most visited displacements that are kept to lead the search."""
     room_resolution: float = 5.0
@@ -273,6 +278,23 @@ class Space:
             if flood.blocked:
                 proof = flood.proof
         return proof
+
+    def swapped(self, proof: tuple[int, ...], other: int, *, among: int) -> int:
+        """Return those obstacles (a mask of parts) of which each holds the part in place of one of a proof's.
+
+        Only some (a mask) are looked at, on lattices and as far as `SpaceConfig` says.
+        """
+        base = self._bits_of(sum(1 << part for part in proof if part != other))
+        if not base or self._labels.size > self.config.max_swap_cells:
+            return 0
+        self._draw(self._bits_of(among))
+        wanted = self._bits_of(among) & self._drawn & ~self._inside & ~base
+        if not wanted or self._scene is None:
+            return 0
+        start = tuple(int(n) for n in self.window[0])
+        budget = self.config.max_swap_visited
+        each = met_on_every_way(self._scene, self._labels, self._known, start, base, wanted, budget)
+        return sum(1 << self.obstacles[bit] for bit in bits(each))
 
     def distances(self, flood: Flood, offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
         """Return the lattice steps from displacements to the way out that the flood found, 0 past the rim.

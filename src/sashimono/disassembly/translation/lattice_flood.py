@@ -144,6 +144,65 @@ def explore(scene, labels, known, start, obstacles, steps, queue, budget):
 
 
 @njit(cache=True, nogil=True)
+def met_on_every_way(scene, labels, known, start, base, obstacles, budget):
+    # pragma: no cover - compiled
+    """Return those of the obstacles (bits) that every way from ``start`` to the rim meets, if it is to miss the base.
+
+    None of them if no such way is found, or the budget of cells visited runs out, one that is visited again counted
+    again. By cell, what all ways to it meet is what it meets itself and what all ways to one of its neighbours do: a
+    fixed point, reached from above, the cells nearest to the rim first. Ways that have met all that is left are not
+    followed on.
+    """
+    shape = labels.shape
+    met = np.full(shape, -1, np.int64)
+    waits = np.zeros(shape, np.bool_)
+    heads = np.full(max(shape), -1, np.int64)
+    links = np.empty(labels.size, np.int64)
+    met[start[0], start[1], start[2]] = 0
+    bucket = _rim(start[0], start[1], start[2], shape)
+    heads[bucket] = (start[0] * shape[1] + start[1]) * shape[2] + start[2]
+    links[heads[bucket]] = -1
+    every, is_out = obstacles, False
+    while bucket < len(heads):
+        index = heads[bucket]
+        if index < 0:
+            bucket += 1
+            continue
+        heads[bucket] = links[index]
+        i, j, k = index // (shape[1] * shape[2]), index // shape[2] % shape[1], index % shape[2]
+        waits[i, j, k] = False
+        if is_out and met[i, j, k] & every == every:
+            continue
+        if bucket == 0:
+            is_out = True
+            every &= met[i, j, k]
+            if every == 0:
+                return 0
+            continue
+        if budget == 0:
+            return 0
+        budget -= 1
+        for x in range(i - 1, i + 2):
+            for y in range(j - 1, j + 2):
+                for z in range(k - 1, k + 2):
+                    before, mask = met[x, y, z], labels[x, y, z]  # a wall known by one need not be known by all
+                    if mask & base != 0 or before & (met[i, j, k] | mask & obstacles) == before:
+                        continue
+                    mask = label(scene, (x, y, z), labels, known)
+                    less = before & (met[i, j, k] | mask & obstacles)
+                    if mask & base != 0 or less == before:
+                        continue
+                    met[x, y, z] = less
+                    if not waits[x, y, z]:
+                        waits[x, y, z] = True
+                        place = _rim(x, y, z, shape)
+                        links[(x * shape[1] + y) * shape[2] + z] = heads[place]
+                        heads[place] = (x * shape[1] + y) * shape[2] + z
+                        bucket = min(bucket, place)
+    return every if is_out else 0
+
+
+@njit(cache=True, nogil=True)
 def _rim(i, j, k, shape):  # pragma: no cover - compiled
     """Fewest steps to the rim of the lattice."""
     return min(i, j, k, shape[0] - 1 - i, shape[1] - 1 - j, shape[2] - 1 - k)

@@ -55,16 +55,15 @@ class LatticeSceneBuilder:
         own, theirs = part.shell, obstacle.shell
         if not len(own) or not len(theirs):
             return
-        low, high = own.min(axis=0), own.max(axis=0)
-        box = np.stack([theirs.min(axis=0) - high, theirs.max(axis=0) - low])
-        own = _within(own, theirs.min(axis=0) - self._reach, theirs.max(axis=0))
+        (low, high), (first, last) = _bounds(own), _bounds(theirs)
+        box = np.stack([first - high, last - low])
+        own = _within(own, first - self._reach, last)
         theirs = _within(theirs, low, high + self._reach)
         if min(len(own), len(theirs)) > self._most:
             own, theirs = _thinned(own, _CANDIDATES * self._most), _thinned(theirs, _CANDIDATES * self._most)
-            at = own - obstacle.first
-            own = own[_any_within(_summed(obstacle.solid), at, at + self._reach)]
-            at = theirs - part.first
-            theirs = theirs[_any_within(_summed(part.solid), at - self._reach, at)]
+            none = np.zeros(3, np.int64)
+            own = _that_may_meet(own, _summed(obstacle.solid), -obstacle.first, none, self._reach)
+            theirs = _that_may_meet(theirs, _summed(part.solid), -part.first, -self._reach, none)
         is_own = len(own) <= len(theirs)
         self._points[bit] = _thinned(own if is_own else theirs, self._most)
         self._is_own[bit] = is_own
@@ -120,49 +119,65 @@ def _shell(solid, out):  # pragma: no cover - compiled
     return count
 
 
-def _within(
-    points: Int[np.ndarray, "point 3"], low: Int[np.ndarray, "3"], high: Int[np.ndarray, "3"]
-) -> Int[np.ndarray, "_ 3"]:
-    return points[_are_within(points, low, high)]
+@njit(cache=True, nogil=True)
+def _bounds(points):  # pragma: no cover - compiled
+    """Least and greatest coordinates of some points."""
+    low, high = points[0].copy(), points[0].copy()
+    for n in range(1, len(points)):
+        for axis in range(3):
+            low[axis] = min(low[axis], points[n, axis])
+            high[axis] = max(high[axis], points[n, axis])
+    return low, high
 
 
 @njit(cache=True, nogil=True)
-def _are_within(points, low, high):  # pragma: no cover - compiled
-    out = np.empty(len(points), np.bool_)
+def _within(points, low, high):  # pragma: no cover - compiled
+    """The points from one corner of a box to the other, both included."""
+    out = np.empty_like(points)
+    count = 0
     for n in range(len(points)):
-        out[n] = True
+        inside = True
         for axis in range(3):
-            out[n] &= low[axis] <= points[n, axis] <= high[axis]
-    return out
+            inside &= low[axis] <= points[n, axis] <= high[axis]
+        if inside:
+            out[count] = points[n]
+            count += 1
+    return out[:count].copy()
 
 
-def _summed(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "x1 y1 z1"]:
+@njit(cache=True, nogil=True)
+def _summed(solid):  # pragma: no cover - compiled
     """How many blocks of lattice points that hold one of a solid come before each block along all three axes."""
-    blocks = solid
-    for axis in range(3):
-        blocks = np.logical_or.reduceat(blocks, np.arange(0, blocks.shape[axis], _BLOCK), axis=axis)
-    table = np.zeros(tuple(n + 1 for n in blocks.shape), np.int32)
-    table[1:, 1:, 1:] = blocks.cumsum(axis=0, dtype=np.int32).cumsum(axis=1).cumsum(axis=2)
+    nx, ny, nz = solid.shape
+    table = np.zeros(((nx - 1) // _BLOCK + 2, (ny - 1) // _BLOCK + 2, (nz - 1) // _BLOCK + 2), np.int32)
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                if solid[i, j, k]:
+                    table[i // _BLOCK + 1, j // _BLOCK + 1, k // _BLOCK + 1] = 1
+    for i in range(1, table.shape[0]):
+        for j in range(1, table.shape[1]):
+            along = 0
+            for k in range(1, table.shape[2]):
+                along += table[i, j, k]
+                table[i, j, k] = along + table[i - 1, j, k] + table[i, j - 1, k] - table[i - 1, j - 1, k]
     return table
 
 
-def _any_within(
-    table: Int[np.ndarray, "x1 y1 z1"], low: Int[np.ndarray, "box 3"], high: Int[np.ndarray, "box 3"]
-) -> Bool[np.ndarray, "box"]:
-    """Whether a solid, by its summed table, may have a point in each box, both ends included; to the block."""
-    out = np.empty(len(low), np.bool_)
-    _look_up(table, low, high, out)
-    return out
-
-
 @njit(cache=True, nogil=True)
-def _look_up(table, low, high, out):  # pragma: no cover - compiled
-    for n in range(low.shape[0]):
-        first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+def _that_may_meet(points, table, shift, start, stop):  # pragma: no cover - compiled
+    """Those points, shifted, about which a solid may have a point in the box from start to stop, both ends included.
+
+    ``table`` is the solid's, summed: to the block.
+    """
+    out = np.empty_like(points)
+    count = 0
+    first, last = np.empty(3, np.int64), np.empty(3, np.int64)
+    for n in range(len(points)):
         for axis in range(3):
-            most = table.shape[axis] - 1
-            first[axis] = min(max(low[n, axis] // _BLOCK, 0), most)
-            last[axis] = min(max(high[n, axis] // _BLOCK + 1, 0), most)
+            at, most = points[n, axis] + shift[axis], table.shape[axis] - 1
+            first[axis] = min(max((at + start[axis]) // _BLOCK, 0), most)
+            last[axis] = min(max((at + stop[axis]) // _BLOCK + 1, 0), most)
         total = 0
         for side in range(8):
             x = last[0] if side & 4 else first[0]
@@ -170,7 +185,10 @@ def _look_up(table, low, high, out):  # pragma: no cover - compiled
             z = last[2] if side & 1 else first[2]
             lower = 3 - (side >> 2 & 1) - (side >> 1 & 1) - (side & 1)
             total += -table[x, y, z] if lower & 1 else table[x, y, z]
-        out[n] = total > 0
+        if total > 0:
+            out[count] = points[n]
+            count += 1
+    return out[:count].copy()
 
 
 def _thinned(points: Int[np.ndarray, "point 3"], most: int) -> Int[np.ndarray, "_ 3"]:

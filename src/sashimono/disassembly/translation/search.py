@@ -105,7 +105,9 @@ class TranslationSearch:
             space = self._space(part, level)
             flood = space.flood(mask)
             if flood.blocked:
-                return _proven(space.smaller_proof(flood.proof))
+                proof = space.smaller_proof(flood.proof)
+                self._cages.swap(space, proof, mask)
+                return _proven(proof)
             led.append((space, flood))
         found = self._led(part, others, led)
         if found.removal is None and (proof := attempt.go_on()) is not None:
