@@ -230,3 +230,26 @@ def test_what_no_fingertip_can_meet_need_not_be_asked(seed, monkeypatch):
     for one, other in zip(few, looked_at(), strict=True):
         assert np.array_equal(one, other)
     assert any(len(np.unique(found)) > 1 for found in few), "some meet something, some do not"
+
+
+@pytest.mark.parametrize("way", [0.05, 1.0, 30.0])
+@pytest.mark.parametrize("thickness", [0.002, 1e-4])
+def test_nothing_is_passed_over_however_long_the_way_is(way, thickness):
+    """A sheet stands beside the end of a straight way, thinner than the poses looked at are apart."""
+    part = box("part", (0.02, 0.02, 0.02))
+    motion = Motion(
+        T_world_part=np.array([at(way, 0.0, 0.0), at(0.0, 0.0, 0.0)]),
+        segments=(Segment(kind="insertion", start=0, stop=1),),
+    )
+    sheet = make_body(box("sheet", (thickness, 0.005, 0.02)))
+    around = [Obstacle(body=sheet, T_world_part=at(0.0312, 0.0145, 0.0))]
+    passage = Passage(make_body(part), motion, around, None, CONFIG)
+    centers = np.array([[0.0, 0.0115, 0.0], [0.0, 0.0095, 0.0], [0.0, -0.0115, 0.0]])
+    first = passage.clear_from(centers, 0.001)
+    until = passage.clear_until(centers, 0.001)
+    assert first[0] > 0, "it meets the sheet"
+    assert passage.path.parameter[first[0]] > 1.0 - 0.035 / way
+    assert passage.path.parameter[until[0]] < 1.0 - 0.028 / way
+    assert (first[1:] == 0).all(), "these go past it"
+    assert (until[1:] == passage.last).all()
+    assert passage.hits(centers, np.zeros((3, 3)), 0.001)[:, 0].tolist() == [True, False, False]

@@ -23,6 +23,8 @@ from sashimono.geometry.distance.signed_distance import nearest
 from sashimono.motion.scene import Obstacle
 from sashimono.plan import Motion, Table
 
+_LEAST_STEP = 0.1
+"""Shortest step along a way, over the distance that a ball's centre must keep: it comes no nearer by half of that."""
 _RUN = 16
 """Poses of a dense path whose surroundings are looked at together."""
 
@@ -100,7 +102,9 @@ class Passage:
         poses = self.path.T_world_part
         centers = poses[:, :3, :3] @ self._body.center + poses[:, :3, 3]
         starts = np.arange(0, len(centers), _RUN)
-        low, high = np.minimum.reduceat(centers, starts), np.maximum.reduceat(centers, starts)
+        following = centers[np.minimum(starts + _RUN, len(centers) - 1)]  # a run goes on to where the next one begins
+        low = np.minimum(np.minimum.reduceat(centers, starts), following)
+        high = np.maximum(np.maximum.reduceat(centers, starts), following)
         meets = np.zeros(len(self._around), dtype=np.bool_)
         for lower, upper in zip(low - reach, high + reach, strict=True):
             meets |= self._in_box(lower, upper)
@@ -215,18 +219,25 @@ def clear_of_itself(
 def _advance(  # pragma: no cover - compiled
     centers, limit, poses, length, T_body_world, boxes, links, triangles, normals, reached
 ):
-    """Lower ``reached`` to the index before the first pose at which a ball is nearer to the body than the limit.
+    """Lower ``reached`` to the last index before a ball is first nearer to the body than the limit.
 
-    From a pose at distance d the walk goes on by as far as d - limit carries it, so that nothing is passed over.
+    Where a ball is at distance d the walk goes on by d - limit, but at least by a small share of the limit: between
+    two poses a ball's centre is taken to go straight.
     """
+    B = T_body_world
     for i in range(centers.shape[0]):
-        m = 0
+        m, far = 0, 0.0
         while m <= reached[i]:
             T = poses[m]
             wx = T[0, 0] * centers[i, 0] + T[0, 1] * centers[i, 1] + T[0, 2] * centers[i, 2] + T[0, 3]
             wy = T[1, 0] * centers[i, 0] + T[1, 1] * centers[i, 1] + T[1, 2] * centers[i, 2] + T[1, 3]
             wz = T[2, 0] * centers[i, 0] + T[2, 1] * centers[i, 1] + T[2, 2] * centers[i, 2] + T[2, 3]
-            B = T_body_world
+            if far > length[m]:  # between two poses
+                N = poses[m + 1]
+                u = (far - length[m]) / (length[m + 1] - length[m])
+                wx += u * (N[0, 0] * centers[i, 0] + N[0, 1] * centers[i, 1] + N[0, 2] * centers[i, 2] + N[0, 3] - wx)
+                wy += u * (N[1, 0] * centers[i, 0] + N[1, 1] * centers[i, 1] + N[1, 2] * centers[i, 2] + N[1, 3] - wy)
+                wz += u * (N[2, 0] * centers[i, 0] + N[2, 1] * centers[i, 1] + N[2, 2] * centers[i, 2] + N[2, 3] - wz)
             x = B[0, 0] * wx + B[0, 1] * wy + B[0, 2] * wz + B[0, 3]
             y = B[1, 0] * wx + B[1, 1] * wy + B[1, 2] * wz + B[1, 3]
             z = B[2, 0] * wx + B[2, 1] * wy + B[2, 2] * wz + B[2, 3]
@@ -238,11 +249,12 @@ def _advance(  # pragma: no cover - compiled
             if d < 2.0 * limit:
                 d = nearest(x, y, z, np.inf, boxes, links, triangles, normals)[0]
             if d < limit:
-                reached[i] = m - 1
+                reached[i] = m if far > length[m] else m - 1
                 break
-            ahead = length[m] + (d - limit)
-            m += 1
-            while m <= reached[i] and length[m] < ahead:
+            if far >= length[reached[i]]:
+                break
+            far = min(far + max(d - limit, _LEAST_STEP * limit), length[reached[i]])
+            while m < reached[i] and length[m + 1] <= far:
                 m += 1
 
 
