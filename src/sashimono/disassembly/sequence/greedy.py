@@ -151,6 +151,9 @@ class _Chooser:
         self.bulk = np.prod(boxes + 1e-9 * boxes.max(), axis=1) + self.volumes
         rank = np.argsort(np.argsort(self.bulk, kind="stable"), kind="stable")
         self.smallness = 1.0 - rank / max(1, len(rank) - 1)
+        self._open: dict[int, tuple[int, int, list[int]]] = {}
+        """By part: the others that were asked about, one of them in the way along each direction that is not open, and
+        the directions that are."""
         self.neighbours = [cascade.touching(part) for part in range(len(parts))]
         self.up = np.array(config.up) / np.linalg.norm(config.up)
         self.wishes = resolve(config.constraints, cascade.assembly.names)
@@ -353,7 +356,7 @@ class _Chooser:
             if self.wishes.holds_back(part, remaining):
                 continue
             others = remaining & ~(1 << part)
-            open_ways = [s for s in range(blocking.count_directions) if not blocking.masks(part, s)[0] & others]
+            open_ways = self._open_ways(part, others)
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
             for ploughs, direction_index in self._by_ploughing(part, others, open_ways):
                 ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in direction_index]
@@ -367,6 +370,19 @@ class _Chooser:
                     separation = self.cascade.with_thread(part, remaining, separation)
                 return Departure(part=part, members=1 << part, separation=separation)
         return None
+
+    def _open_ways(self, part: int, others: int) -> list[int]:
+        """The directions along which, by the coarse maps, none of these others is in the way."""
+        asked, watched, ways = self._open.get(part, (0, 0, []))
+        if not asked or others & ~asked or watched & ~others:
+            blocking, watched, ways = self.cascade.blocking, 0, []
+            for s in range(blocking.count_directions):
+                blocked = blocking.mapped_blockers(part, s) & others
+                watched |= blocked & -blocked
+                if not blocked:
+                    ways.append(s)
+            self._open[part] = others, watched, ways
+        return ways
 
     def _by_ploughing(self, part: int, others: int, open_ways: list[int]) -> Iterator[tuple[bool, list[int]]]:
         """Yield the open directions that do not plough through what the part overlaps, then those that do."""

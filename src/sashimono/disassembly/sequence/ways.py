@@ -275,6 +275,8 @@ class Work:
         self._points = [len(body.probes) for body in cascade.parts.bodies]
         self._asked: dict[tuple[int, int], int] = {}
         self._ahead: dict[tuple[int, int], int] = {}
+        self._refused: dict[tuple[int, int], int] = {}
+        """By part and direction: parts (a mask) past which tracing it was more than was left."""
 
     def allows(self, part: int, direction_index: int, others: int) -> bool:
         """Return whether the rest allows tracing a part past these others, and take that away."""
@@ -287,8 +289,11 @@ class Work:
         new = others & self._ahead[key] & ~self._asked.get(key, 0)
         if not new:
             return True
+        if (refused := self._refused.get(key, 0)) and not refused & ~new:
+            return False  # no more is left since, and no less is asked
         cost = sum(self._points[part] + self._points[other] for other in bits(new))
         if cost > self._left:
+            self._refused[key] = new
             return False
         self._left -= cost
         self._asked[key] = self._asked.get(key, 0) | new
