@@ -37,7 +37,11 @@ def fewest_held(
     held: list[str] = []
     fewest = True
     for component in statics.components(placed, fixed):
-        groups, exact = _fewest(component, preferred, statics.config)
+        wanted = tuple(any(name in preferred for name in group) for group in component.groups)
+        key = component.groups, tuple(block.key for block in component.blocks), wanted
+        if key not in statics.fewest:
+            statics.fewest[key] = _fewest(component, wanted, statics.config)
+        groups, exact = statics.fewest[key]
         fewest = fewest and exact
         held += [_named(component.groups[k], preferred) for k in groups]
     order = {name: k for k, name in enumerate(placed)}
@@ -48,7 +52,7 @@ def _named(group: Sequence[str], preferred: Sequence[str]) -> str:
     return next((name for name in preferred if name in group), group[0])
 
 
-def _fewest(component: Component, preferred: Sequence[str], config: StabilityConfig) -> tuple[tuple[int, ...], bool]:
+def _fewest(component: Component, wanted: Sequence[bool], config: StabilityConfig) -> tuple[tuple[int, ...], bool]:
     """Groups to hold, and whether these are the fewest: what must be held anyway, and one more, two more, ..."""
     count = len(component.groups)
     if component.forces == 0:  # touches nothing
@@ -59,7 +63,6 @@ def _fewest(component: Component, preferred: Sequence[str], config: StabilityCon
     if needed and component.stands(needed):
         return tuple(needed), True
     left = component.imbalance()
-    wanted = [any(name in preferred for name in group) for group in component.groups]
     # first what is in a hand anyway, then what is least balanced
     order = sorted(
         (k for k in range(count) if k not in needed), key=lambda k: (not wanted[k], -round(float(left[k]), 6), k)

@@ -30,6 +30,8 @@ class Statics:
         self.touching = touching
         self.table = table
         self.config = touching.config
+        self.fewest: dict[tuple[object, ...], tuple[tuple[int, ...], bool]] = {}
+        """What `fewest_held` found of sets of groups, by all that it depends on."""
         self._alone: dict[tuple[Group, bytes], bool] = {}
         self._balanced: dict[tuple[Group, ...], np.ndarray] = {}
         self._pushes: dict[tuple[Group, Group], tuple[Wrenches, Wrenches] | None] = {}

@@ -9,6 +9,7 @@ several parts or subassemblies leave at once, each by a translation of its own.
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
@@ -351,19 +352,25 @@ class _Chooser:
         """
         blocking, worth = self.cascade.blocking, self.preference(last)
         worths = [worth(blocking.direction(direction_index)) for direction_index in range(blocking.count_directions)]
-        ranked = []
+        ranked: list[tuple[bool, float, int, float, list[int]]] = []
         for part in bits(self.free_parts(remaining) & ~(1 << protected)):
             if self.wishes.holds_back(part, remaining):
                 continue
             others = remaining & ~(1 << part)
             open_ways = self._open_ways(part, others)
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
-            for ploughs, direction_index in self._by_ploughing(part, others, open_ways):
-                ranked += [(ploughs, -round(worths[s] + rest, 6), part, s) for s in direction_index]
-        for _, _, part, direction_index in sorted(ranked):
+            for ploughs, ways in self._by_ploughing(part, others, open_ways):
+                if ways:
+                    ranked.append((ploughs, -round(max(worths[s] for s in ways) + rest, 6), part, rest, ways))
+        heapq.heapify(ranked)
+        while ranked:
+            ploughs, _, part, rest, ways = heapq.heappop(ranked)
+            (_, direction_index), *later = sorted((-round(worths[s] + rest, 6), s) for s in ways)
             separation = self.cascade.directions.along(
                 part, remaining, preference=worth, refused=self.refused, among=(direction_index,)
             )
+            if separation is None and later:
+                heapq.heappush(ranked, (ploughs, later[0][0], part, rest, [s for _, s in later]))
             if separation is not None:
                 others = remaining & ~(1 << part)
                 if not is_refused(self.refused, 1 << part, direction_index, others, only_turned=True):
@@ -388,7 +395,10 @@ class _Chooser:
         """Yield the open directions that do not plough through what the part overlaps, then those that do."""
         blocking, shared = self.cascade.blocking, self.cascade.shared
         overlapped = shared.overlapping(part, others)
-        through = {s: bool(overlapped) and shared.ploughs(part, overlapped, blocking.direction(s)) for s in open_ways}
+        if not overlapped:
+            yield False, open_ways
+            return
+        through = {s: shared.ploughs(part, overlapped, blocking.direction(s)) for s in open_ways}
         for ploughs in (False, True):
             yield ploughs, [s for s in open_ways if through[s] == ploughs]
 
