@@ -78,38 +78,33 @@ def find_simultaneous(
     if remaining.bit_count() > config.max_parts or remaining.bit_count() < 3:
         return ()
     program = _Program(parts, touching, bits(remaining), stays, config)
-    # each way to fix the scale once; those whose motion was stopped come again with what stopped it
-    queue = [(0, part, axis, sign) for part, axis, sign in product(program.movers, range(3), (1.0, -1.0))]
+    # the scale is fixed in each of these ways; those whose motion is stopped are asked again with what stopped it
+    scales = list(product(program.movers, range(3), (1.0, -1.0)))
     tried: set[bytes] = set()
-    while queue and program.solved < config.max_programs:
+    while scales:
+        asked = scales[: config.max_programs - program.solved]
+        solved = [(scale, velocities) for scale in asked if (velocities := program.solve(*scale)) is not None]
+        scales = [scale for scale, _ in solved]
         found = []
-        again = []
-        for _, part, axis, sign in queue:
-            if program.solved >= config.max_programs:
-                break
-            velocities = program.solve(part, axis, sign)
-            if velocities is None:
-                continue
-            again.append((0, part, axis, sign))
+        for _, velocities in solved:
             groups = _groups(velocities, remaining, touching, config)
             key = np.round(velocities / np.abs(velocities).max(), 6).tobytes()
-            if groups and len(groups) <= config.max_groups and key not in tried:
+            if len(groups) <= config.max_groups and key not in tried:
                 tried.add(key)
                 moved = sum(mask.bit_count() for mask in groups)
-                found.append(((len(groups), moved, len(found)), tuple(groups), velocities))
-        cuts = False
+                found.append(((len(groups), moved, len(found)), groups, velocities))
+        is_cut = False
         for _, groups, velocities in sorted(found, key=lambda entry: entry[0]):
             if not allowed(groups):
                 continue
             stopped = program.stopped(velocities)
             if not stopped:
                 return _leave(parts, velocities, groups, remaining, config)
-            cuts = True
+            is_cut = True
             for first, second, normals in stopped:
                 program.forbid(first, second, normals)
-        if not cuts:
-            return ()
-        queue = again
+        if not is_cut:
+            break
     return ()
 
 
