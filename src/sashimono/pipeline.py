@@ -414,7 +414,7 @@ class _Judge:
         out: list[Step] = []
         gone: set[str] = set()
         turned: Table | None = None
-        refuted = {step.part for step, entry in zip(steps, reports, strict=True) if entry.problems}
+        refuted = {s.part: self._met(s, entry) for s, entry in zip(steps, reports, strict=True) if entry.problems}
         for step, entry in zip(steps, reports, strict=True):
             # where the step is taken out before which the product is turned over, it is before the next one
             turned = step.table or turned
@@ -429,9 +429,10 @@ class _Judge:
                 gone.update(step.members)
                 self._take_out(step, f"refuted by the check: {entry.problems[0]}", self._met(step, entry))
                 continue
-            if wrong := [name for name in step.simultaneous if name in refuted]:
+            if wrong := next((name for name in step.simultaneous if name in refuted), None):
                 gone.update(step.members)
-                self._take_out(step, f"goes in at the same time as {wrong[0]}, which was refuted by the check", 0)
+                reason = f"goes in at the same time as {wrong}, which was refuted by the check"
+                self._take_out(step, reason, refuted[wrong])
                 continue
             step = replace(step, fixed=fixed, table=turned, motion=self._with_evidence(step, entry))
             if entry.contact_problems:
@@ -578,8 +579,9 @@ def _with_fasteners(steps: Sequence[Step], orderer: Orderer) -> tuple[Step, ...]
     """The steps, those inside subassemblies too, with their close fits; of fasteners, what they are and what drives
     them."""
     out = []
-    for step in steps:
-        step = replace(step, close_fits=orderer.close_fits_between(step.members, step.fixed))
+    for k, step in enumerate(steps):
+        with_it = [name for each in steps[:k] if each.part in step.simultaneous for name in each.members]
+        step = replace(step, close_fits=orderer.close_fits_between(step.members, [*step.fixed, *with_it]))
         below = step.subassembly
         if below is not None:
             step = replace(step, subassembly=replace(below, steps=_with_fasteners(below.steps, orderer)))

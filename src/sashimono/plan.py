@@ -552,6 +552,11 @@ def simultaneous_steps(steps: Sequence[Step], k: int) -> tuple[Step, ...]:
     return tuple(step for step in steps if step is steps[k] or step.part in steps[k].simultaneous)
 
 
+def waits(steps: Sequence[Step], k: int) -> bool:
+    """Return whether step number ``k`` waits, before its insertion, for a later one that happens at the same time."""
+    return any(later.part in steps[k].simultaneous for later in steps[k + 1 :])
+
+
 def placed_parts(steps: tuple[Step, ...]) -> tuple[str, ...]:
     """Return the parts that these steps place one by one: those of a subassembly by the steps inside it."""
     names: list[str] = []

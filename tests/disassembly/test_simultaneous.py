@@ -9,24 +9,28 @@ from typing import Any
 import numpy as np
 import pytest
 from simultaneous_set import CASES, SimultaneousCase
-from solids import assembly, box, pair_in_pair, peg_in_plate
+from solids import assembly, box, pair_in_pair, peg_in_plate, rod
 
-from sashimono.assembly import Assembly
+from sashimono.assembly import Assembly, Product
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.sequence.constraints import OrderConstraints
 from sashimono.disassembly.sequence.departures import DisassemblyResult
 from sashimono.disassembly.sequence.greedy import SequenceConfig, find_disassembly
+from sashimono.disassembly.sequence.order import Orderer
 from sashimono.disassembly.translation.simultaneous import SimultaneousConfig, find_simultaneous
 from sashimono.geometry import se3
 from sashimono.io.plan_json import plan_from_json, plan_to_json
-from sashimono.pipeline import PipelineConfig, plan_assembly
+from sashimono.pipeline import PipelineConfig, _with_fasteners, plan_assembly
 from sashimono.plan import AssemblyPlan
+from sashimono.stability import StabilityConfig
 from sashimono.verify import verify_plan
 from sashimono.view.clip import ClipConfig, clip_steps, render_clip
 from sashimono.view.config import ViewConfig
 from sashimono.view.manual.content import make_manual
+from sashimono.view.mjcf import keyframes
+from sashimono.view.mtc import mtc_data
 from sashimono.view.playback import played_steps
 from sashimono.view.timeline import make_timeline, tracks
 
@@ -126,10 +130,38 @@ def test_a_refused_set_is_not_proposed_again(sliders: Assembly) -> None:
     assert {part for part, _ in again.stuck} == {1, 2}
 
 
-def test_a_precedence_that_it_breaks_keeps_it(sliders: Assembly) -> None:
-    before = OrderConstraints(before=(("slider_1", "base"),))
+@pytest.mark.parametrize("first", ["slider_1", "slider_2"])
+def test_at_the_same_time_is_not_earlier(sliders: Assembly, first: str) -> None:
+    second = {"slider_1": "slider_2", "slider_2": "slider_1"}[first]
+    before = OrderConstraints(before=((first, second),))
     found = taken_apart(cascade_of(sliders), SequenceConfig(constraints=before))
-    assert found.base == 1 or found.removals == ()
+    assert found.removals == ()
+    assert any("--before" in said.reason for _, said in found.stuck)
+
+
+def test_a_product_that_goes_in_at_the_same_time_as_others_keeps_its_name() -> None:
+    parts = next(case for case in CASES if case.name == "two_90_key").assembly(is_open=True)
+    parts = replace(parts, products=(Product(name="slide", parts=("slider_1", "key")),))
+    plan = plan_assembly(parts, config=QUICK)
+    assert plan.status == "complete"
+    assert [entry.planned for entry in plan.products] == ["subassembly"]
+    assert [step.product for step in plan.steps if step.moving] == ["slide"]
+
+
+def test_a_close_fit_between_two_that_go_in_at_once_is_stated_by_the_later_one() -> None:
+    """A shaft in a gear's bore, both brought at the same time: the fit holds the gear."""
+    shaft = rod(0.005, 0.06, (0.0, 0.0, 0.03))
+    gear = rod(0.02, 0.01, (0.0, 0.0, 0.03)) - rod(0.005, 0.1)
+    parts = assembly(base=box((0.1, 0.1, 0.01), (0.0, 0.0, -0.005)), shaft=shaft, gear=gear)
+    plan = plan_assembly(parts, config=QUICK)
+    others = {"shaft": "gear", "gear": "shaft"}
+    together = [
+        replace(step, fixed=("base",), simultaneous=(others[step.part],)) if step.part in others else step
+        for step in plan.steps
+    ]
+    orderer = Orderer(cascade_of(parts), make_bodies(parts), config=SequenceConfig(), stability=StabilityConfig())
+    stated = [len(step.close_fits) for step in _with_fasteners(together, orderer)]
+    assert stated == [0, 0, 1]
 
 
 def test_the_plan_holds_and_says_so(sliders: Assembly, sliders_plan: AssemblyPlan) -> None:
@@ -178,6 +210,11 @@ def test_they_are_shown_going_in_together(sliders: Assembly, sliders_plan: Assem
     np.testing.assert_array_equal(first_times[-2:], second_times[-2:])
     assert (np.diff(first_times) > 0.0).all()
     np.testing.assert_array_equal(first[-3], first[-2])
+    moments = dict(keyframes(plan, sliders))
+    there = plan.steps[1].motion.T_world_part
+    np.testing.assert_allclose(moments[f"2 {names[0]}"][names[0]], there[-2], atol=1e-12)
+    np.testing.assert_allclose(moments[f"3 {names[1]}"][names[0]], there[-1], atol=1e-12)
+    assert all("at the same time as" in step["by_hand"] for step in mtc_data(plan, sliders)["steps"][1:])
     tasks = [task for chapter in make_manual(plan, sliders).chapters for task in chapter.tasks]
     assert [task.members for task in tasks] == [("base",), tuple(names)]
     steps = clip_steps(plan, sliders)

@@ -137,10 +137,35 @@ def test_the_form_of_such_steps() -> None:
         (changed(SOUND, 2, two_stretches), "an insertion of one stretch"),
         (changed(SOUND, 2, with_motion(second.motion, T_world_part=turned)), "must not turn"),
         (unequal, "takes another time"),
+        (timed, "only one of them has times"),
         (changed(SOUND, 2, lambda each: replace(each, contact=grasp)), "none can be checked"),
     ]
     for wrong, words in cases:
         refuted(verify_plan(wrong, parts), words)
+
+
+def test_what_is_malformed_is_a_finding_and_no_crash() -> None:
+    second = SOUND.steps[2]
+    one_pose = {
+        "T_world_part": np.eye(4)[None],
+        "segments": (Segment(kind="transit", start=0, stop=0), Segment(kind="insertion", start=0, stop=1)),
+    }
+    for fields, words in (
+        (one_pose, "a single pose"),
+        ({"times": np.zeros(0)}, "times are not one for each pose"),
+        ({"times": np.zeros(1)}, "times are not one for each pose"),
+    ):
+        report = verify_plan(changed(SOUND, 2, with_motion(second.motion, **fields)), blocks())
+        refuted(report, words, "'right', of which the form is wrong")
+
+
+@pytest.mark.parametrize("seconds", [(1e-7, 4e-7), (0.0, 0.0), (2.0, 2.00001)])
+def test_insertions_that_go_at_once_take_as_long_however_short(seconds: tuple[float, float]) -> None:
+    plan_so = SOUND
+    for k, last in zip((1, 2), seconds, strict=True):
+        motion = SOUND.steps[k].motion
+        plan_so = changed(plan_so, k, with_motion(motion, times=np.array([0.0, 1.0, 2.0, 3.0, 3.0 + last])))
+    refuted(verify_plan(plan_so, blocks()), "takes another time, or none")
 
 
 def test_a_step_between_them_is_refused() -> None:

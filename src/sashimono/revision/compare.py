@@ -111,7 +111,7 @@ def _order_works(plan: AssemblyPlan, report: VerifyReport, assembly: Assembly) -
     for step, said in zip(plan.steps, report.steps, strict=True):
         if said.ok:
             continue
-        if step.moving:
+        if step.moving or step.simultaneous:
             return None
         remaining = sum(1 << assembly.index(name) for name in (step.part, *step.fixed))
         answer = cascade.separate(assembly.index(step.part), remaining).answer

@@ -61,6 +61,9 @@ def _differences(old: Step, new: Step, names: Mapping[str, str]) -> list[str]:
             words.append(f"{after[2]:.2g} turns, were {before[2]:.2g}")
     if {names.get(name, name) for name in old.members} != set(new.members):
         words.append(f"moves with {len(new.members) - 1} others, with {len(old.members) - 1} before")
+    if {names.get(name, name) for name in old.simultaneous} != set(new.simultaneous):
+        now, then = (", ".join(step.simultaneous) or "nothing" for step in (new, old))
+        words.append(f"at the same time as {now}, was with {then}")
     if _tool(old) != _tool(new):
         words.append(f"{_tool(new)}, was {_tool(old)}")
     if old.turned != new.turned:

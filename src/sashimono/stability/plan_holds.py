@@ -9,7 +9,7 @@ import numpy as np
 
 from sashimono.geometry import se3
 from sashimono.geometry.body import Body
-from sashimono.plan import AssemblyPlan, Fixture, Motion, Step, Table, same_table, simultaneous_steps
+from sashimono.plan import AssemblyPlan, Fixture, Motion, Step, Table, same_table, simultaneous_steps, waits
 from sashimono.stability.config import StabilityConfig
 from sashimono.stability.holding import fewest_held
 from sashimono.stability.statics import Statics
@@ -72,7 +72,7 @@ def _hold_level(steps: Sequence[Step], table: Table, touching: Touching) -> tupl
             inside = replace(inside, steps=inner, fixture=below)
         motion = step.motion if found.fewest else _not_fewest(step.motion)
         out.append(replace(step, held=after, hands=hands, subassembly=inside, motion=motion))
-        if not any(later.part in step.simultaneous for later in steps[k + 1 :]):
+        if not waits(steps, k):
             held = after
     return tuple(out), fixture
 

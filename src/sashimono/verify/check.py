@@ -164,17 +164,20 @@ class _Site:
     def forms(self, steps: Sequence[Step]) -> list[list[str]]:
         """What is wrong with the form of each of these steps, which follow one another."""
         placed: list[str] = []
-        out = simultaneous_problems(steps)
+        out = []
         for k, step in enumerate(steps):
             with_it = {name for other in steps[:k] if other.part in step.simultaneous for name in members(other)}
             before = [name for name in placed if name not in with_it]
-            out[k] += step_problems(step, before, self.assembly, self.unsolved, self.config)
+            out.append(step_problems(step, before, self.assembly, self.unsolved, self.config))
             placed += members(step)
-        broken = [step.part for step, problems in zip(steps, out, strict=True) if problems]
-        for step, problems in zip(steps, out, strict=True):
-            if not problems and (wrong := [name for name in step.simultaneous if name in broken]):
-                problems.append(f"happens at the same time as {wrong[0]!r}, of which the form is wrong")
-        return out
+        broken = {step.part for step, problems in zip(steps, out, strict=True) if problems}
+        more = [simultaneous_problems(steps, k, broken) for k in range(len(steps))]
+        broken |= {step.part for step, problems in zip(steps, more, strict=True) if problems}
+        # what goes in at the same time as something that cannot be looked at cannot be looked at either
+        return [
+            own + (too or simultaneous_problems(steps, k, broken))
+            for k, (own, too) in enumerate(zip(out, more, strict=True))
+        ]
 
     def compound(self, step: Step) -> SampledBody:
         """What moves in a step, in the frame of its part."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -14,6 +14,8 @@ from sashimono.plan import AssemblyPlan, Motion, Step, Table
 from sashimono.verify.config import VerifyConfig
 from sashimono.verify.declared import declared_problems
 
+_SAME_TIME = 1e-6
+"""Share by which times that are the same may differ."""
 _NO_TURN = 1e-9
 """Most that an entry of a rotation may change where nothing turns."""
 
@@ -104,16 +106,13 @@ def _order_problems(plan: AssemblyPlan, assembly: Assembly) -> list[str]:
     return problems
 
 
-def simultaneous_problems(steps: Sequence[Step]) -> list[list[str]]:
-    """Return, for each of these steps that follow one another, what is wrong with what happens at the same time.
+def simultaneous_problems(steps: Sequence[Step], k: int, broken: Collection[str]) -> list[str]:
+    """Return what is wrong with what happens at the same time as step number ``k`` of those that follow one another.
 
     Insertions that go at once must be straight, and of one stretch: then they pass each other in straight lines.
+    ``broken`` are the parts of steps of which the form is wrong by itself.
     """
-    number = {step.part: k for k, step in enumerate(steps)}
-    return [_simultaneous_problems(step, k, steps, number) for k, step in enumerate(steps)]
-
-
-def _simultaneous_problems(step: Step, k: int, steps: Sequence[Step], number: Mapping[str, int]) -> list[str]:
+    step, number = steps[k], {each.part: j for j, each in enumerate(steps)}
     if not step.simultaneous:
         return []
     if unknown := [name for name in step.simultaneous if number.get(name, k) == k]:
@@ -126,19 +125,22 @@ def _simultaneous_problems(step: Step, k: int, steps: Sequence[Step], number: Ma
         return [f"the steps of {', '.join(sorted(names))} happen at the same time, but do not follow one another"]
     if step.table is not None and k > together[0]:
         return ["the product is turned over between steps that happen at the same time"]
+    if wrong := [name for name in step.simultaneous if name in broken]:
+        return [f"happens at the same time as {wrong[0]!r}, of which the form is wrong"]
+    if step.part in broken:
+        return []
     segments, poses = step.motion.segments, step.motion.T_world_part
     if [s.kind for s in segments] != ["transit", "insertion"] or segments[1].stop - segments[1].start != 1:
         return ["happens at the same time as another step, so it must have a transit, then an insertion of one stretch"]
     if np.abs(poses[-1, :3, :3] - poses[-2, :3, :3]).max() > _NO_TURN:
         return ["happens at the same time as another step, so it must not turn in its insertion"]
-    if len({_insertion_time(steps[j].motion) for j in together}) > 1:
-        return ["happens at the same time as another step, but its insertion takes another time"]
+    if any(steps[j].motion.times is None for j in together):
+        timed = any(steps[j].motion.times is not None for j in together)
+        return ["happens at the same time as another step, but only one of them has times"] if timed else []
+    seconds = [float(steps[j].motion.times[-1] - steps[j].motion.times[-2]) for j in together]  # pyright: ignore[reportOptionalSubscript]
+    if min(seconds) <= 0.0 or max(seconds) - min(seconds) > _SAME_TIME * max(seconds):
+        return ["happens at the same time as another step, but its insertion takes another time, or none"]
     return []
-
-
-def _insertion_time(motion: Motion) -> float | None:
-    """How long the last stretch takes [s], to the microsecond; None where nothing is said of times."""
-    return None if motion.times is None else round(float(motion.times[-1] - motion.times[-2]), 6)
 
 
 def _placed(step: Step) -> list[str]:

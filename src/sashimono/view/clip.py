@@ -129,7 +129,7 @@ def _frames(
         fixed = [
             solid(name, T_page, 0.72 * grey + 0.28 * colors[name], name in lookout.hiding) for name in entry.step.fixed
         ]
-        together = (entry, *(every[name] for name in entry.step.simultaneous))
+        together = (entry, *(every[name] for name in entry.step.simultaneous if name in every))
         ways = [(each, se3.inverse(plan.parts[each.step.part]), _way(each, config.frames)) for each in together]
         frames = [
             [solid(name, poses[k] @ back, orange) for each, back, poses in ways for name in each.step.members]

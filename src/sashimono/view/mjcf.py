@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from sashimono.assembly import Assembly
 from sashimono.geometry.mesh.text import obj_text
-from sashimono.plan import AssemblyPlan, Table
+from sashimono.plan import AssemblyPlan, Table, waits
 from sashimono.view.appearance import linear_rgb, part_colors
 from sashimono.view.keyframes import rotation_between
 from sashimono.view.playback import page_frames
@@ -65,29 +65,32 @@ def write_mjcf(plan: AssemblyPlan, assembly: Assembly, out: Path) -> tuple[str, 
 def keyframes(plan: AssemblyPlan, assembly: Assembly) -> list[tuple[str, dict[str, Float[np.ndarray, "4 4"]]]]:
     """Return the name of each moment and the pose of every part then: the start, each turn, the end of each step.
 
-    Steps inside a subassembly come before the step that brings it, numbered within it (``4.2``).
+    Steps inside a subassembly come before the step that brings it, numbered within it (``4.2``). Of steps that happen
+    at the same time, all but the last end where their parts wait.
     """
     frames = page_frames(plan, assembly)
     poses = {part.name: part.T_world_part for part in assembly.parts}
-    steps = [
-        (label, inner, frames[k - 1])
-        for k, step in enumerate(plan.steps, start=1)
-        for label, inner in (
-            *(
-                (f"{k}.{j}", below)
-                for j, below in enumerate(() if step.subassembly is None else step.subassembly.steps, start=1)
-            ),
-            (str(k), step),
-        )
-    ]
-    for _, step, T in reversed(steps):  # of the steps that move a part, the first says where it waits
+    steps = []
+    for k, step in enumerate(plan.steps):
+        inside = () if step.subassembly is None else step.subassembly.steps
+        steps += [(f"{k + 1}.{j + 1}", below, frames[k], waits(inside, j)) for j, below in enumerate(inside)]
+        steps.append((str(k + 1), step, frames[k], waits(plan.steps, k)))
+    for _, step, T, _ in reversed(steps):  # of the steps that move a part, the first says where it waits
         poses |= {name: T @ step.member_poses(name, plan.parts)[0] for name in step.members}
     out = [("start", dict(poses))]
-    for label, step, T in steps:
+    waiting: dict[str, Float[np.ndarray, "4 4"]] = {}
+    for label, step, T, is_waiting in steps:
         if step.turned:
             poses |= {name: T @ plan.parts[name] for name in step.fixed}
             out.append((f"{label} turned over", dict(poses)))
-        poses |= {name: T @ step.member_poses(name, plan.parts)[-1] for name in step.members}
+        placed = {name: T @ step.member_poses(name, plan.parts)[-1] for name in step.members}
+        if is_waiting:  # it goes in with the last of those that happen at the same time
+            waiting |= placed
+            placed = {name: T @ step.member_poses(name, plan.parts)[-2] for name in step.members}
+        elif step.simultaneous:
+            placed |= waiting
+            waiting = {}
+        poses |= placed
         if step.subassembly is None:
             out.append((f"{label} {step.part}", dict(poses)))
         else:

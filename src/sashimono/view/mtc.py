@@ -69,8 +69,14 @@ def _step(step: Step, plan: AssemblyPlan, up: Float[np.ndarray, "3"]) -> dict[st
     poses = step.motion.T_world_part
     grasp = step.carry or step.contact
     by_hand = None
+    together = ", ".join(step.simultaneous)
     if not step.moves:
         by_hand = "stands in place from the beginning"
+    elif together and step.subassembly is not None:
+        names = ", ".join(step.subassembly.order)
+        by_hand = f"put together {names} first, as plan.json says; they go in as one, at the same time as {together}"
+    elif together:
+        by_hand = f"goes in at the same time as {together}: by hand, all together"
     elif step.subassembly is not None:
         names = ", ".join(step.subassembly.order)
         by_hand = f"put together {names} first, as plan.json says, and place them as one"

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from sashimono.assembly import Assembly, Part
 from sashimono.geometry import se3
-from sashimono.plan import AssemblyPlan, Motion, Step, Subassembly, Table, same_table
+from sashimono.plan import AssemblyPlan, Motion, Step, Subassembly, Table, same_table, waits
 from sashimono.view.config import ViewConfig
 from sashimono.view.keyframes import rotation_between
 
@@ -140,7 +140,7 @@ class _Stage:
                     *(PlayedSegment(kind=s.kind, start=s.start + n, stop=s.stop + n) for s in segments),
                 ]
                 poses = np.concatenate([way, poses[1:]])
-            if any(later.part in step.simultaneous for later in steps[k + 1 :]):
+            if waits(steps, k):
                 begin = segments[-1].start
                 poses = np.insert(poses, begin, poses[begin], axis=0)
                 segments = [

@@ -469,17 +469,22 @@ class _Chooser:
             moving = sum(groups)
             others = remaining & ~moving
             whole = all(unit.members & mask in (0, unit.members) for unit in units for mask in groups)
-            waits = any(self.wishes.holds_back(part, others) for part in bits(moving))
+            # at the same time is not earlier
+            waits = any(self.wishes.holds_back(part, remaining & ~mask) for mask in groups for part in bits(mask))
             refused = any(is_refused(self.refused, m, None, others, simultaneous=moving & ~m) for m in groups)
             return whole and not waits and not refused
 
         found = self.cascade.find_simultaneous(remaining, stays=protected, allowed=allowed)
         moving = sum(group.members for group in found)
-        return tuple(self._leaving(group, moving & ~group.members) for group in found)
+        products = {unit.members: unit.name for unit in units}
+        return tuple(
+            replace(self._leaving(group), simultaneous=moving & ~group.members, product=products.get(group.members))
+            for group in found
+        )
 
-    def _leaving(self, group: SimultaneousGroup, simultaneous: int) -> Departure:
+    def _leaving(self, group: SimultaneousGroup) -> Departure:
         members = group.members
         inside = _disassemble(self, members, lambda removed: None) if members & (members - 1) else None
         separation = Separation(answer=Answer.FREE, removal=group.removal, stage="simultaneous")
         part = bits(members)[0] if inside is None else inside.base
-        return Departure(part=part, members=members, separation=separation, inside=inside, simultaneous=simultaneous)
+        return Departure(part=part, members=members, separation=separation, inside=inside)

@@ -334,7 +334,10 @@ class _Page:
         if step.declared is not None:
             said.append(_escape(words.declared))
         for fit in self._manual.fits:
-            if any(len({*fit.parts} & {*each.members}) == 1 and {*fit.parts} & {*each.fixed} for each in task.steps):
+            if any(
+                len({*fit.parts} & {*each.members}) == 1 and {*fit.parts} & {*each.fixed, *each.simultaneous}
+                for each in task.steps
+            ):
                 said.append(_breakable(words.gives.format(part=fit.parts[0], depth=f"{1e3 * fit.depth:.2g}")))
         if step.close_fits:
             others = [*dict.fromkeys(fit.other for fit in step.close_fits)]
