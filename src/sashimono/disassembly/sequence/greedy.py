@@ -352,7 +352,8 @@ class _Chooser:
         """
         blocking, worth = self.cascade.blocking, self.preference(last)
         worths = [worth(blocking.direction(direction_index)) for direction_index in range(blocking.count_directions)]
-        ranked: list[tuple[bool, float, int, float, list[int]]] = []
+        ranked: list[tuple[bool, float, int]] = []
+        open_to: dict[tuple[bool, int], tuple[float, list[int]]] = {}
         for part in bits(self.free_parts(remaining) & ~(1 << protected)):
             if self.wishes.holds_back(part, remaining):
                 continue
@@ -361,16 +362,22 @@ class _Chooser:
             rest = self.config.small_first * self.smallness[part] + self.config.connected * self.connected(others)
             for ploughs, ways in self._by_ploughing(part, others, open_ways):
                 if ways:
-                    ranked.append((ploughs, -round(max(worths[s] for s in ways) + rest, 6), part, rest, ways))
+                    open_to[ploughs, part] = rest, ways
+                    ranked.append((ploughs, -round(max(worths[s] for s in ways) + rest, 6), part))
         heapq.heapify(ranked)
+        # the ways of a part are put in order once its best one comes; the last is the next to be tried
+        left: dict[tuple[bool, int], list[tuple[float, int]]] = {}
         while ranked:
-            ploughs, _, part, rest, ways = heapq.heappop(ranked)
-            (_, direction_index), *later = sorted((-round(worths[s] + rest, 6), s) for s in ways)
+            ploughs, _, part = heapq.heappop(ranked)
+            if (ploughs, part) not in left:
+                rest, ways = open_to[ploughs, part]
+                left[ploughs, part] = sorted(((-round(worths[s] + rest, 6), s) for s in ways), reverse=True)
+            _, direction_index = left[ploughs, part].pop()
             separation = self.cascade.directions.along(
                 part, remaining, preference=worth, refused=self.refused, among=(direction_index,)
             )
-            if separation is None and later:
-                heapq.heappush(ranked, (ploughs, later[0][0], part, rest, [s for _, s in later]))
+            if separation is None and left[ploughs, part]:
+                heapq.heappush(ranked, (ploughs, left[ploughs, part][-1][0], part))
             if separation is not None:
                 others = remaining & ~(1 << part)
                 if not is_refused(self.refused, 1 << part, direction_index, others, only_turned=True):
