@@ -101,7 +101,7 @@ class TreePlanner:
         order = [names[found.base], *departures]
         stuck = [_stuck(self.assembly, part, separation) for part, separation in found.stuck]
         removals = {name: d.separation.removal for name, d in departures.items() if d.separation.removal is not None}
-        mates = {name: self._mates(found, departure) for name, departure in departures.items()}
+        mates = {name: self._mates(found, d) for name, d in departures.items() if d.simultaneous}
         count = len(departures) - (0 if found.turn is None else found.turn.count)
 
         def motions_of(stretch: _Stretch, before: int) -> MotionResult:
@@ -223,7 +223,7 @@ class TreePlanner:
             config=motion,
             rng=rng,
             in_place=stretch.placed,
-            simultaneous={name: mates[name] for name in stretch.names if mates[name]},
+            simultaneous={name: mates[name] for name in stretch.names if name in mates},
             bodies=bodies,
             resting=resting,
             progress=progress,
@@ -252,7 +252,7 @@ class TreePlanner:
             config=self.contact,
             rng=rng,
             bodies=bodies,
-            simultaneous={name: mates[name] for name in order if mates.get(name)},
+            simultaneous=mates,
             report=[real_tool(tool) for tool in self.report],
             progress=lambda name: progress("contact", next(done), total),
         )
@@ -262,14 +262,14 @@ class TreePlanner:
         order: list[str],
         departures: Mapping[str, Departure],
         inside: Mapping[str, PlannedLevel],
-        mates: Mapping[str, Sequence[str]],
+        mates: Mapping[str, tuple[str, ...]],
         motions: Mapping[str, Motion],
         contacts: Mapping[str, ContactChoice],
         turned: Mapping[str, Table],
     ) -> tuple[Step, ...]:
         steps: list[Step] = []
         for name in order:
-            below, at_once = inside.get(name), tuple(mates.get(name, ()))
+            below, at_once = inside.get(name), mates.get(name, ())
             step = Step(
                 part=name,
                 fixed=tuple(member for before in steps if before.part not in at_once for member in before.members),

@@ -216,6 +216,26 @@ def clear_of_itself(
 
 
 @njit(cache=True, nogil=True)
+def _moved(T, x, y, z):  # pragma: no cover - compiled
+    """A point at a pose."""
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z + T[0, 3],
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z + T[1, 3],
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z + T[2, 3],
+    )
+
+
+@njit(cache=True, nogil=True)
+def _distance(x, y, z, limit, boxes, links, triangles, normals):  # pragma: no cover - compiled
+    """How far a point is from a body; beyond twice the limit, from its box: a bound that costs nothing."""
+    dx = max(boxes[0, 0] - x, 0.0, x - boxes[0, 3])
+    dy = max(boxes[0, 1] - y, 0.0, y - boxes[0, 4])
+    dz = max(boxes[0, 2] - z, 0.0, z - boxes[0, 5])
+    d = np.sqrt(dx * dx + dy * dy + dz * dz)
+    return nearest(x, y, z, np.inf, boxes, links, triangles, normals)[0] if d < 2.0 * limit else d
+
+
+@njit(cache=True, nogil=True)
 def _advance(  # pragma: no cover - compiled
     centers, limit, poses, length, T_body_world, boxes, links, triangles, normals, reached
 ):
@@ -224,30 +244,16 @@ def _advance(  # pragma: no cover - compiled
     Where a ball is at distance d the walk goes on by d - limit, but at least by a small share of the limit: between
     two poses a ball's centre is taken to go straight.
     """
-    B = T_body_world
     for i in range(centers.shape[0]):
         m, far = 0, 0.0
         while m <= reached[i]:
-            T = poses[m]
-            wx = T[0, 0] * centers[i, 0] + T[0, 1] * centers[i, 1] + T[0, 2] * centers[i, 2] + T[0, 3]
-            wy = T[1, 0] * centers[i, 0] + T[1, 1] * centers[i, 1] + T[1, 2] * centers[i, 2] + T[1, 3]
-            wz = T[2, 0] * centers[i, 0] + T[2, 1] * centers[i, 1] + T[2, 2] * centers[i, 2] + T[2, 3]
+            wx, wy, wz = _moved(poses[m], centers[i, 0], centers[i, 1], centers[i, 2])
             if far > length[m]:  # between two poses
-                N = poses[m + 1]
                 u = (far - length[m]) / (length[m + 1] - length[m])
-                wx += u * (N[0, 0] * centers[i, 0] + N[0, 1] * centers[i, 1] + N[0, 2] * centers[i, 2] + N[0, 3] - wx)
-                wy += u * (N[1, 0] * centers[i, 0] + N[1, 1] * centers[i, 1] + N[1, 2] * centers[i, 2] + N[1, 3] - wy)
-                wz += u * (N[2, 0] * centers[i, 0] + N[2, 1] * centers[i, 1] + N[2, 2] * centers[i, 2] + N[2, 3] - wz)
-            x = B[0, 0] * wx + B[0, 1] * wy + B[0, 2] * wz + B[0, 3]
-            y = B[1, 0] * wx + B[1, 1] * wy + B[1, 2] * wz + B[1, 3]
-            z = B[2, 0] * wx + B[2, 1] * wy + B[2, 2] * wz + B[2, 3]
-            # the distance to the box is a bound that costs nothing
-            dx = max(boxes[0, 0] - x, 0.0, x - boxes[0, 3])
-            dy = max(boxes[0, 1] - y, 0.0, y - boxes[0, 4])
-            dz = max(boxes[0, 2] - z, 0.0, z - boxes[0, 5])
-            d = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if d < 2.0 * limit:
-                d = nearest(x, y, z, np.inf, boxes, links, triangles, normals)[0]
+                nx, ny, nz = _moved(poses[m + 1], centers[i, 0], centers[i, 1], centers[i, 2])
+                wx, wy, wz = wx + u * (nx - wx), wy + u * (ny - wy), wz + u * (nz - wz)
+            x, y, z = _moved(T_body_world, wx, wy, wz)
+            d = _distance(x, y, z, limit, boxes, links, triangles, normals)
             if d < limit:
                 reached[i] = m if far > length[m] else m - 1
                 break
@@ -270,12 +276,7 @@ def _way_off(starts, stops, limit, boxes, links, triangles, normals, clear):  # 
         while True:
             u = t / way if way > 0.0 else 0.0
             x, y, z = starts[i, 0] + u * vx, starts[i, 1] + u * vy, starts[i, 2] + u * vz
-            dx = max(boxes[0, 0] - x, 0.0, x - boxes[0, 3])
-            dy = max(boxes[0, 1] - y, 0.0, y - boxes[0, 4])
-            dz = max(boxes[0, 2] - z, 0.0, z - boxes[0, 5])
-            d = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if d < 2.0 * limit:
-                d = nearest(x, y, z, np.inf, boxes, links, triangles, normals)[0]
+            d = _distance(x, y, z, limit, boxes, links, triangles, normals)
             if d < limit:
                 clear[i] = False
                 break

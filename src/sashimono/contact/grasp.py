@@ -140,7 +140,7 @@ def choose_contacts(
             choices[name] = ContactChoice(None, "no motion along which to hold the part")
         elif name == order[0] or len(motions[name].T_world_part) == 1:
             choices[name] = ContactChoice(None, BASE_REASON)
-        elif simultaneous.get(name):
+        elif name in simultaneous:
             choices[name] = ContactChoice(None, "contacts of what goes in at the same time are not looked for")
         else:
             k = moved.index(name)

@@ -51,8 +51,7 @@ def plan_insertion(
     if len(legs) > 1 and _is_straight(legs[-2], legs[-1], exit_direction, margin):
         legs.pop()  # the last leg is made anew from where it starts
     start = legs[-1]
-    nowhere = Table(normal=directions[0], offset=-np.inf)
-    scene = Scene(body, fixed, nowhere, np.vstack([exit_direction, directions]), clearance=0.0, max_checks=max_checks)
+    scene = _without_table(body, fixed, exit_direction, directions, max_checks)
     # a removal that was out before its last leg needs none of it
     least = margin if len(legs) == 1 else 0.0
     travel, gap = _shortest_travel(scene, start, exit_direction, margin, least, max_checks)
@@ -76,10 +75,21 @@ def whole_insertion(
 ) -> Insertion:
     """Return the insertion along all of the removal, neither shortened nor lengthened."""
     poses = (removal.displacements @ T_assembled)[::-1]
-    nowhere = Table(normal=directions[0], offset=-np.inf)
-    scene = Scene(body, fixed, nowhere, np.vstack([removal.exit_direction, directions]), clearance=0.0, max_checks=1)
+    scene = _without_table(body, fixed, removal.exit_direction, directions, max_checks=1)
     gap = max(0.0, float(scene.slab_gaps(poses[0])[0].min(initial=np.inf)))
     return Insertion(poses=poses, exit_direction=removal.exit_direction, T_clear=poses[0], gap=gap)
+
+
+def _without_table(
+    body: Body,
+    fixed: Sequence[Obstacle],
+    exit_direction: Float[np.ndarray, "3"],
+    directions: Float[np.ndarray, "direction 3"],
+    max_checks: int,
+) -> Scene:
+    """The part among the fixed ones only, the slabs along the way out first."""
+    nowhere = Table(normal=directions[0], offset=-np.inf)
+    return Scene(body, fixed, nowhere, np.vstack([exit_direction, directions]), clearance=0.0, max_checks=max_checks)
 
 
 def _shortest_travel(

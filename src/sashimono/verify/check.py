@@ -295,13 +295,17 @@ def _pair_findings(
     """
     body, poses = site.bodies[moving], member_poses(step, moving, site.assembly)
     past = _Past(site, body, poses)
+    # what goes in at the same time rests or waits only until the insertion begins
+    brought = _Past(site, body, poses[:-1]) if step.simultaneous else past
     findings = [past.part(name, site.overlaps.poses[name], site.overlaps) for name in step.fixed]
     for other in later:
-        if other.part not in step.simultaneous:
-            for name in members(other):
-                findings.append(past.part(name, member_poses(other, name, site.assembly)[0], None))
-    if step.simultaneous:
-        findings += _simultaneous_findings(step, body, poses, waiting, later, site)
+        way = brought if other.part in step.simultaneous else past
+        for name in members(other):
+            findings.append(way.part(name, member_poses(other, name, site.assembly)[0], None))
+    for other in waiting:
+        for name in members(other):
+            theirs = member_poses(other, name, site.assembly)
+            findings += [brought.part(name, theirs[-2], None), _both_going_in(body, poses, name, theirs, site)]
     if table is not None:
         findings.append(
             check_table(body, HalfSpace(normal=table.normal, offset=table.offset), past.path, config=site.config)
@@ -309,35 +313,19 @@ def _pair_findings(
     return findings
 
 
-def _simultaneous_findings(
-    step: Step,
+def _both_going_in(
     body: SampledBody,
     poses: Float[np.ndarray, "pose 4 4"],
-    waiting: Sequence[Step],
-    later: Sequence[Step],
+    name: str,
+    theirs: Float[np.ndarray, "their_pose 4 4"],
     site: _Site,
-) -> list[PairFinding]:
-    """What a part meets of those that go in at the same time: before that they wait, or still rest.
-
-    Two that go in are looked at once, with the later step: the way of one seen from the other, which is straight.
-    """
-    findings, last = [], len(poses) - 2
-    brought = _Past(site, body, poses[:-1])
-    for other in later:
-        if other.part in step.simultaneous:
-            for name in members(other):
-                findings.append(brought.part(name, member_poses(other, name, site.assembly)[0], None))
-    for other in waiting:
-        for name in members(other):
-            theirs, T = member_poses(other, name, site.assembly), site.overlaps.poses[name]
-            findings.append(brought.part(name, theirs[-2], None))
-            seen = np.array(
-                [T @ se3.inverse(there) @ here for there, here in zip(theirs[-2:], poses[-2:], strict=True)]
-            )
-            found = _Past(site, body, seen).part(name, T, site.overlaps)
-            problem = found.problem and f"as both go in, from pose {last} on, {found.problem}"
-            findings.append(replace(found, pose=last + found.pose, problem=problem))
-    return findings
+) -> PairFinding:
+    """What a part meets of another one while both go in: its way seen from the other one, which is straight."""
+    T, last = site.overlaps.poses[name], len(poses) - 2
+    seen = np.array([T @ se3.inverse(there) @ here for there, here in zip(theirs[-2:], poses[-2:], strict=True)])
+    found = _Past(site, body, seen).part(name, T, site.overlaps)
+    problem = found.problem and f"as both go in, from pose {last} on, {found.problem}"
+    return replace(found, pose=last + found.pose, problem=problem)
 
 
 class _Past:

@@ -134,10 +134,11 @@ def simultaneous_problems(steps: Sequence[Step], k: int, broken: Collection[str]
         return ["happens at the same time as another step, so it must have a transit, then an insertion of one stretch"]
     if np.abs(poses[-1, :3, :3] - poses[-2, :3, :3]).max() > _NO_TURN:
         return ["happens at the same time as another step, so it must not turn in its insertion"]
-    if any(steps[j].motion.times is None for j in together):
-        timed = any(steps[j].motion.times is not None for j in together)
-        return ["happens at the same time as another step, but only one of them has times"] if timed else []
-    seconds = [float(steps[j].motion.times[-1] - steps[j].motion.times[-2]) for j in together]  # pyright: ignore[reportOptionalSubscript]
+    seconds = [float(times[-1] - times[-2]) for j in together if (times := steps[j].motion.times) is not None]
+    if not seconds:
+        return []
+    if len(seconds) < len(together):
+        return ["happens at the same time as another step, but only one of them has times"]
     if min(seconds) <= 0.0 or max(seconds) - min(seconds) > _SAME_TIME * max(seconds):
         return ["happens at the same time as another step, but its insertion takes another time, or none"]
     return []

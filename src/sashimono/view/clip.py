@@ -121,7 +121,9 @@ def _frames(
         points = se3.apply(T @ plan.parts[name], part.vertices_part)
         return Solid(points=points, faces=part.faces, color=color, glass=glass)
 
-    every = {entry.step.part: entry for entry in played_steps(plan, assembly, ViewConfig()) if entry.step.moves}
+    every: dict[str, PlayedStep] = {}
+    if any(entry.step.simultaneous for entry in steps):
+        every = {entry.step.part: entry for entry in played_steps(plan, assembly, ViewConfig()) if entry.step.moves}
     for entry, lookout in zip(steps, step_lookouts(plan, steps, assembly), strict=True):
         assert lookout is not None, "each of the steps moves"
         # a subassembly is put together on a bench: where its world frame is shown

@@ -72,14 +72,12 @@ def _step(step: Step, plan: AssemblyPlan, up: Float[np.ndarray, "3"]) -> dict[st
     together = ", ".join(step.simultaneous)
     if not step.moves:
         by_hand = "stands in place from the beginning"
-    elif together and step.subassembly is not None:
-        names = ", ".join(step.subassembly.order)
-        by_hand = f"put together {names} first, as plan.json says; they go in as one, at the same time as {together}"
-    elif together:
-        by_hand = f"goes in at the same time as {together}: by hand, all together"
     elif step.subassembly is not None:
         names = ", ".join(step.subassembly.order)
         by_hand = f"put together {names} first, as plan.json says, and place them as one"
+        by_hand += f", at the same time as {together}" if together else ""
+    elif together:
+        by_hand = f"goes in at the same time as {together}: by hand, all together"
     elif grasp is None or grasp.kind != "grasp":
         by_hand = f"the plan has no grasp here ({step.contact_reason or 'it is pushed'}): place it by hand"
     elif step.carry is not None:

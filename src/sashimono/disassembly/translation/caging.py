@@ -85,8 +85,7 @@ class Cages:
                 yield work, proof
                 if proof is not None:
                     return
-                space = self._space(k, window)
-                if rim is None or space.window[rim] == space.full[rim]:
+                if rim is None:
                     break  # nothing left of the part, out of budget, or really out
                 window = window.copy()
                 window[rim] *= self._config.proof_growth
@@ -94,7 +93,7 @@ class Cages:
     def _look(
         self, level: int, window: np.ndarray, others: int, *, most: float = np.inf
     ) -> tuple[int, tuple[int, ...] | None, tuple[int, int] | None]:
-        """Return the lattice points of a look, and the proof that it found or the side on which the flood came out.
+        """Return the lattice points of a look, and the proof it found or the side on which a wider one may tell more.
 
         Of more lattice points than so many it does not look.
         """
@@ -104,17 +103,19 @@ class Cages:
             return work, None, None
         leaks = self._leaks.setdefault(_key(level, window), [])
         met = space.within_reach(others)
-        if (rim := next((rim for past, rim in leaks if not met & ~past), None)) is not None:
-            return work, None, rim
-        flood = space.flood(others, max_visited=self._config.max_proof_visited)
-        if flood.blocked:
-            proof = space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
-            self.swap(space, proof, others)
-            self._windows[level] = window
-            return work, proof, None
-        if flood.rim is not None:
-            leaks.append((met, flood.rim))
-        return work, None, flood.rim
+        rim = next((rim for past, rim in leaks if not met & ~past), None)
+        if rim is None:
+            flood = space.flood(others, max_visited=self._config.max_proof_visited)
+            if flood.blocked:
+                proof = space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
+                self.swap(space, proof, others)
+                self._windows[level] = window
+                return work, proof, None
+            rim = flood.rim
+            if rim is not None:
+                leaks.append((met, rim))
+        may_grow = rim is not None and space.window[rim] < space.full[rim]
+        return work, None, rim if may_grow else None
 
     def swap(self, space: Space, proof: tuple[int, ...], others: int) -> None:
         """Note what else would hold the part asked about last in place of one of a proof's obstacles.

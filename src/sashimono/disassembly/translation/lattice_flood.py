@@ -95,9 +95,8 @@ def explore(scene, labels, known, start, obstacles, steps, queue, budget):
     links = np.full(steps.size, -1, np.int64)
     walls = np.zeros(64, np.int64)
     count_walls = 0
-    first = (start[0] * shape[1] + start[1]) * shape[2] + start[2]
     steps[start[0], start[1], start[2]] = 0
-    heads[0] = first
+    heads[0] = _index(start[0], start[1], start[2], shape)
     bucket = 0
     count = 0
     while bucket <= longest:
@@ -106,7 +105,7 @@ def explore(scene, labels, known, start, obstacles, steps, queue, budget):
             bucket += 1
             continue
         heads[bucket] = links[index]
-        i, j, k = index // (shape[1] * shape[2]), index // shape[2] % shape[1], index % shape[2]
+        i, j, k = _cell(index, shape)
         queue[count, 0], queue[count, 1], queue[count, 2] = i, j, k
         count += 1
         if _rim(i, j, k, shape) == 0:
@@ -117,7 +116,6 @@ def explore(scene, labels, known, start, obstacles, steps, queue, budget):
             for dj in range(-1, 2):
                 for dk in range(-1, 2):
                     x, y, z = i + di, j + dj, k + dk
-                    near = (x * shape[1] + y) * shape[2] + z
                     if steps[x, y, z] >= 0:
                         continue
                     mask = labels[x, y, z] & obstacles  # a wall known by one obstacle need not be known by all
@@ -137,6 +135,7 @@ def explore(scene, labels, known, start, obstacles, steps, queue, budget):
                         continue
                     steps[x, y, z] = steps[i, j, k] + 1
                     place = min(longest, steps[x, y, z] + _rim(x, y, z, shape))
+                    near = _index(x, y, z, shape)
                     links[near] = heads[place]
                     heads[place] = near
                     bucket = min(bucket, place)
@@ -160,7 +159,7 @@ def met_on_every_way(scene, labels, known, start, base, obstacles, budget):
     links = np.empty(labels.size, np.int64)
     met[start[0], start[1], start[2]] = 0
     bucket = _rim(start[0], start[1], start[2], shape)
-    heads[bucket] = (start[0] * shape[1] + start[1]) * shape[2] + start[2]
+    heads[bucket] = _index(start[0], start[1], start[2], shape)
     links[heads[bucket]] = -1
     every, is_out = obstacles, False
     while bucket < len(heads):
@@ -169,7 +168,7 @@ def met_on_every_way(scene, labels, known, start, base, obstacles, budget):
             bucket += 1
             continue
         heads[bucket] = links[index]
-        i, j, k = index // (shape[1] * shape[2]), index // shape[2] % shape[1], index % shape[2]
+        i, j, k = _cell(index, shape)
         waits[i, j, k] = False
         if is_out and met[i, j, k] & every == every:
             continue
@@ -195,11 +194,23 @@ def met_on_every_way(scene, labels, known, start, base, obstacles, budget):
                     met[x, y, z] = less
                     if not waits[x, y, z]:
                         waits[x, y, z] = True
-                        place = _rim(x, y, z, shape)
-                        links[(x * shape[1] + y) * shape[2] + z] = heads[place]
-                        heads[place] = (x * shape[1] + y) * shape[2] + z
+                        place, near = _rim(x, y, z, shape), _index(x, y, z, shape)
+                        links[near] = heads[place]
+                        heads[place] = near
                         bucket = min(bucket, place)
     return every if is_out else 0
+
+
+@njit(cache=True, nogil=True)
+def _index(i, j, k, shape):  # pragma: no cover - compiled
+    """The number of a cell."""
+    return (i * shape[1] + j) * shape[2] + k
+
+
+@njit(cache=True, nogil=True)
+def _cell(index, shape):  # pragma: no cover - compiled
+    """The cell of a number."""
+    return index // (shape[1] * shape[2]), index // shape[2] % shape[1], index % shape[2]
 
 
 @njit(cache=True, nogil=True)

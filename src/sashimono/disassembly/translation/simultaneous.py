@@ -12,7 +12,7 @@ again. An answer is exact, as that of every other stage; no answer is no proof.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
 
@@ -122,6 +122,18 @@ def _groups(
     return pieces(sum(1 << k for k in moving), alike)
 
 
+def _relative_motions(
+    velocities: Float[np.ndarray, "part 3"], pairs: Iterable[tuple[int, int]], config: SimultaneousConfig
+) -> Iterator[tuple[int, int, Float[np.ndarray, "3"], float]]:
+    """Yield the pairs that move relative to each other, each with the direction of the first one and the speed."""
+    least = config.rest * np.abs(velocities).max()
+    for a, b in pairs:
+        relative = velocities[a] - velocities[b]
+        speed = float(np.linalg.norm(relative))
+        if speed > least:
+            yield a, b, relative / speed, speed
+
+
 def _leave(
     parts: PlacedParts,
     velocities: Float[np.ndarray, "part 3"],
@@ -130,14 +142,10 @@ def _leave(
     config: SimultaneousConfig,
 ) -> tuple[SimultaneousGroup, ...]:
     """The groups with translations that last until all are past one another, seen along each pair's relative motion."""
-    least = config.rest * np.abs(velocities).max()
     time = 0.0
-    for a, b in combinations(bits(remaining), 2):
-        relative = velocities[a] - velocities[b]
-        speed = float(np.linalg.norm(relative))
-        if speed > least:
-            past = parts.way_past(a, b, relative / speed) + config.clearance * parts.smaller_size(a, b)
-            time = max(time, past / speed)
+    for a, b, direction, speed in _relative_motions(velocities, combinations(bits(remaining), 2), config):
+        past = parts.way_past(a, b, direction) + config.clearance * parts.smaller_size(a, b)
+        time = max(time, past / speed)
     out = []
     for members in groups:
         velocity = velocities[bits(members)[0]]
@@ -206,15 +214,10 @@ class _Program:
 
     def stopped(self, velocities: Float[np.ndarray, "part 3"]) -> list[tuple[int, int, Float[np.ndarray, "contact 3"]]]:
         """Return the pairs that run into each other, each with normals that do not let it; none if all pass."""
-        least = self._config.rest * np.abs(velocities).max()
         out = []
-        for a, b in permutations(self._remaining, 2):
-            # both ways: an overlap as assembled excuses by where it lies on the one that is looked at as fixed
-            relative = velocities[a] - velocities[b]
-            speed = float(np.linalg.norm(relative))
-            if speed <= least:
-                continue
-            direction = relative / speed
+        # both ways: an overlap as assembled excuses by where it lies on the one that is looked at as fixed
+        pairs = permutations(self._remaining, 2)
+        for a, b, direction, _ in _relative_motions(velocities, pairs, self._config):
             travel = free_travel(self._parts, a, np.zeros(3), direction, b)
             if np.isfinite(travel):
                 normals = self._touching.normals(a, b, offset=travel * direction)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from sashimono.assembly import Assembly
 from sashimono.fasteners.recognise import Fastener, find_fasteners
-from sashimono.plan import AssemblyPlan, DeclaredFit, Fixture, Step, Subassembly, Table, Unsolved
+from sashimono.plan import AssemblyPlan, DeclaredFit, Fixture, Step, Subassembly, Table, Unsolved, simultaneous_steps
 from sashimono.view.playback import UP
 
 _ALIKE_DIRECTION = 0.999
@@ -242,9 +242,9 @@ class _Writer:
 
     def _groups(self, steps: Sequence[Step], prefix: str) -> list[list[tuple[str, Step]]]:
         groups: list[list[tuple[str, Step]]] = []
-        for k, step in enumerate(steps, start=1):
-            entry = (f"{prefix}{k}", step)
-            if groups and (self._alike(groups[-1][-1][1], step) or _one_picture(groups[-1][0][1], step, steps)):
+        for k, step in enumerate(steps):
+            entry = (f"{prefix}{k + 1}", step)
+            if groups and (self._alike(groups[-1][-1][1], step) or _in_one_picture(steps, k)):
                 groups[-1].append(entry)
             else:
                 groups.append([entry])
@@ -267,11 +267,10 @@ class _Writer:
         return same_way and same_notes and abs(a.length - b.length) <= 0.1 * max(a.length, b.length)
 
 
-def _one_picture(first: Step, step: Step, steps: Sequence[Step]) -> bool:
-    """Whether the two, next to each other, go in at the same time, and nothing of that was put together before."""
-    if step.part not in first.simultaneous:
-        return False
-    return not any(each.moving for each in steps if each is first or each.part in first.simultaneous)
+def _in_one_picture(steps: Sequence[Step], k: int) -> bool:
+    """Whether a step and the one before go in at the same time, and nothing of that was put together before."""
+    together = simultaneous_steps(steps, k)
+    return steps[k - 1].part in steps[k].simultaneous and not any(each.moving for each in together)
 
 
 def _up(table: Table | None) -> Float[np.ndarray, "3"]:
