@@ -10,6 +10,7 @@ from solids import assembly, box
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
+from sashimono.disassembly.placed_parts import PlacedParts
 from sashimono.disassembly.translation.caging import Cages
 from sashimono.disassembly.translation.configuration_space import Space, SpaceConfig
 from sashimono.disassembly.translation.drawing import KeptSolids
@@ -81,26 +82,48 @@ def test_a_proof_put_off_comes_to_the_same_as_one_in_one_go() -> None:
     assert portions[found + 1 :] == [None] * (29 - found), "what is proven is not looked at again"
 
 
-def test_what_was_asked_before_changes_no_proof_into_none_nor_back() -> None:
-    """Rings on a post: each is held by the post and any ring above, in whatever order that is asked."""
+def rings_on_a_post() -> PlacedParts:
+    """A post with a foot (part 0) and six rings on it (parts 1 to 6), the lowest first."""
     post = Manifold.cylinder(0.05, 0.005, 0.005, 32) + Manifold.cylinder(0.004, 0.02, 0.02, 32)
     ring = Manifold.cylinder(0.004, 0.012, 0.012, 32) - Manifold.cylinder(0.004, 0.0051, 0.0051, 32)
     rings = {f"ring{k}": ring.translate((0.0, 0.0, 0.004 + 0.004 * k)) for k in range(6)}
     parts = assembly(post=post, **rings)
-    there = Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
-    part, above = 3, (4, 5, 6)
+    return Cascade(parts, make_bodies(parts), config=SeparateConfig()).parts
+
+
+def some_sets(rng: np.random.Generator, part: int) -> list[int]:
+    return [sum(1 << k for k in range(7) if k != part and rng.random() < 0.6) for _ in range(12)]
+
+
+def test_what_was_asked_before_changes_no_proof_into_none_nor_back() -> None:
+    """Each ring is held by the post and any ring above, in whatever order that is asked."""
+    there, part, above = rings_on_a_post(), 3, (4, 5, 6)
     rng = np.random.default_rng(0)
     for _ in range(4):
-        cages = Cages(there, config=SpaceConfig())
-        sets = [sum(1 << k for k in range(7) if k != part and rng.random() < 0.6) for _ in range(12)]
-        for others in [*sets, *sets]:
-            proof = cages.prove(part, others)
-            is_held = bool(others & 1) and any(others >> k & 1 for k in above)
-            assert (proof is not None) == is_held
-            if proof is not None:
-                mask = sum(1 << k for k in proof)
-                assert not mask & ~others
-                assert Cages(there, config=SpaceConfig()).prove(part, mask) is not None
+        cages, sets = Cages(there, config=SpaceConfig()), some_sets(rng, part)
+        with cages.across_sets():
+            for others in [*sets, *sets]:
+                proof = cages.prove(part, others)
+                is_held = bool(others & 1) and any(others >> k & 1 for k in above)
+                assert (proof is not None) == is_held
+                if proof is not None:
+                    mask = sum(1 << k for k in proof)
+                    assert not mask & ~others
+                    assert Cages(there, config=SpaceConfig()).prove(part, mask) is not None
+
+
+def test_one_set_has_the_same_proof_whatever_was_asked_before() -> None:
+    """Also after many sets were asked about, where one proof told of others."""
+    there, part = rings_on_a_post(), 3
+    rng = np.random.default_rng(1)
+    cages = Cages(there, config=SpaceConfig())
+    for _ in range(3):
+        sets = some_sets(rng, part)
+        with cages.across_sets():
+            told = [cages.prove(part, others) for others in sets]
+        fresh = [Cages(there, config=SpaceConfig()).prove(part, others) for others in sets]
+        assert told != fresh, "this case does not show that across sets another proof is told"
+        assert [cages.prove(part, others) for others in sets] == fresh
 
 
 def test_solids_kept_for_other_windows_are_the_ones_drawn_and_not_too_many() -> None:

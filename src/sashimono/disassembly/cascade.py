@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import partial
 
 from sashimono.assembly import Assembly
 from sashimono.disassembly.blocking.groups import GroupStage
@@ -38,11 +39,14 @@ from sashimono.plan import Answer
 
 __all__ = ["Cascade", "SeparateConfig"]
 
+_Answers = dict[tuple[str, int, int], list[tuple[int, Separation]]]
+"""By stage, part and remaining parts: what was said, each with the tracing steps that were given."""
+
 
 class Cascade:
     """Answers separation questions about one assembly. A question that was asked before is answered faster.
 
-    The same question has the same answer, whatever was asked before; of several proofs, either may be told.
+    The same question has the same answer, whatever was asked before.
     """
 
     def __init__(
@@ -84,7 +88,7 @@ class Cascade:
             *((self.tilting,) if config.tilting else ()),
         )
         """In the order in which they are asked: the ones that cost least first. Tilting is there if it is wanted."""
-        self._answers: dict[tuple[str, int, int], list[tuple[int, Separation]]] = {}
+        self._answers: _Answers = {}
         self._turned: dict[tuple[int, int, tuple[float, ...]], Removal | None] = {}
         self._declared: dict[tuple[int, int, tuple[float, ...]], tuple[Removal, DeclaredThread] | None] = {}
 
@@ -99,7 +103,7 @@ class Cascade:
 
     def inquire(self) -> Inquiry:
         """Return a new inquiry: questions that share a budget, and what follows from their answers."""
-        return Inquiry(self.stages, self._ask, max_traced=self.config.max_traced)
+        return Inquiry(self.stages, partial(self._ask, self._answers), max_traced=self.config.max_traced)
 
     def conditions(self, *, reachable_only: bool = False) -> RemovalConditions:
         """Return every part's removal conditions; see `find_conditions`.
@@ -107,17 +111,20 @@ class Cascade:
         Tilting is not asked: its "no" proves nothing, and takes seconds for each pair that holds itself.
         """
         asked = tuple(stage for stage in self.stages if stage not in (self.directions, self.tilting))
-        return find_conditions(
-            self.assembly.names,
-            self.directions,
-            self.inquire(),
-            translations=self.translations,
-            fewer_holders=self.translations.fewer_holders,
-            physics=self.physics,
-            for_pairs=asked,
-            config=self.config,
-            reachable_only=reachable_only,
-        )
+        # of several proofs, which one is told depends here on what was asked before: it is told here alone
+        answers: _Answers = {}
+        with self.translations.search.across_sets():
+            return find_conditions(
+                self.assembly.names,
+                self.directions,
+                Inquiry(self.stages, partial(self._ask, answers), max_traced=self.config.max_traced),
+                translations=self.translations,
+                fewer_holders=self.translations.fewer_holders,
+                physics=self.physics,
+                for_pairs=asked,
+                config=self.config,
+                reachable_only=reachable_only,
+            )
 
     def with_thread(self, part: int, remaining: int, separation: Separation) -> Separation:
         """Return a separation by one translation as one by a thread, where the part has one; else as it is.
@@ -172,16 +179,16 @@ class Cascade:
                 mask |= 1 << other
         return mask
 
-    def _ask(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
+    def _ask(self, answers: _Answers, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
         """Return what a stage knows about a part. Two parts alone come apart by one relative motion.
 
         So where they are alone, what frees either frees both, and what is proven of either is proven of both.
         """
-        own = self._recall(stage, part, remaining, max_traced)
+        own = self._recall(answers, stage, part, remaining, max_traced)
         if own.answer is not Answer.UNKNOWN or remaining.bit_count() != 2:
             return own
         other = bits(remaining & ~(1 << part))[0]
-        theirs = self._recall(stage, other, remaining, max(0, max_traced - own.traced))
+        theirs = self._recall(answers, stage, other, remaining, max(0, max_traced - own.traced))
         traced, is_cut = own.traced + theirs.traced, own.is_cut or theirs.is_cut
         if theirs.removal is not None:
             removal = theirs.removal.of_the_other()
@@ -191,12 +198,12 @@ class Cascade:
             return replace(theirs, blocked_by=(other,), traced=traced)
         return replace(own, traced=traced, is_cut=is_cut)
 
-    def _recall(self, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
+    def _recall(self, answers: _Answers, stage: Stage, part: int, remaining: int, max_traced: int) -> Separation:
         """Return what a stage says; from memory where, with the steps that are left now, it would say the same."""
-        answers = self._answers.setdefault((stage.name, part, remaining), [])
-        for given, said in answers:
+        known = answers.setdefault((stage.name, part, remaining), [])
+        for given, said in known:
             if given == max_traced or said.traced < min(given, max_traced):
                 return said
         said = stage.separate(part, remaining, max_traced=max_traced)
-        answers.append((max_traced, said))
+        known.append((max_traced, said))
         return said

@@ -5,13 +5,14 @@ only on the side where the flood comes out. That lets it be as fine as thin wall
 
 Where a flood has come out past some obstacles, it comes out past fewer of them: there it need not be done again. Where
 one has not, others may hold the part as well in place of one of its obstacles: all the rings above one on a post do.
-Which of several proofs is told may depend on what was asked before of the same part; that there is one does not, as far
-as the budget goes.
+Then which of several proofs is told depends on what was asked before of the same part. So it is done only
+`across_sets`: where many sets of obstacles of one part are asked about in a fixed order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -25,12 +26,13 @@ _Key = tuple[int, tuple[int, ...]]
 
 
 class Cages:
-    """Proofs for one part at a time. What was asked of it before makes an answer faster."""
+    """Proofs for one part at a time. Lattices and floods of it are kept."""
 
     def __init__(self, parts: PlacedParts, *, config: SpaceConfig) -> None:
         self._parts = parts
         self._config = config
         self._part = -1
+        self._is_across_sets = False
         self._spaces: dict[_Key, Space] = {}
         self._kept = KeptSolids(most=config.max_kept)
         self._leaks: dict[_Key, list[tuple[int, tuple[int, int]]]] = {}
@@ -41,6 +43,15 @@ class Cages:
         """By level: the window of the last proof."""
         self._never: int = 0
         """Parts (a mask) in whose place no other was found to hold it."""
+
+    @contextmanager
+    def across_sets(self) -> Iterator[None]:
+        """Within this context, let what was told of some obstacles make answers about others faster."""
+        self._part, self._is_across_sets = -1, True
+        try:
+            yield
+        finally:
+            self._part, self._is_across_sets = -1, False
 
     def prove(self, part: int, others: int) -> tuple[int, ...] | None:
         """Return a few of the obstacles (a mask) that let the part nowhere by translations; None without a proof."""
@@ -61,7 +72,8 @@ class Cages:
     def _looks(self, others: int) -> Iterator[tuple[int, tuple[int, ...] | None]]:
         """Look from coarse to fine, from near to far: yield the lattice points of each look, and the proof it found.
 
-        Before that, where the last proofs were found: that may make an answer faster, and a proof of one that was none.
+        Across sets, before that where the last proofs were found: that may make an answer faster, and a proof of one
+        that was none.
         """
         if known := [proof for proof in self._swapped if not proof & ~others]:
             yield 0, tuple(bits(min(known, key=lambda proof: (proof.bit_count(), proof))))
@@ -103,13 +115,14 @@ class Cages:
             return work, None, None
         leaks = self._leaks.setdefault(_key(level, window), [])
         met = space.within_reach(others)
-        rim = next((rim for past, rim in leaks if not met & ~past), None)
+        rim = next((rim for past, rim in leaks if met == past or (self._is_across_sets and not met & ~past)), None)
         if rim is None:
             flood = space.flood(others, max_visited=self._config.max_proof_visited)
             if flood.blocked:
                 proof = space.smaller_proof(flood.proof, max_visited=self._config.max_proof_visited)
                 self.swap(space, proof, others)
-                self._windows[level] = window
+                if self._is_across_sets:
+                    self._windows[level] = window
                 return work, proof, None
             rim = flood.rim
             if rim is not None:
@@ -118,10 +131,12 @@ class Cages:
         return work, None, rim if may_grow else None
 
     def swap(self, space: Space, proof: tuple[int, ...], others: int) -> None:
-        """Note what else would hold the part asked about last in place of one of a proof's obstacles.
+        """Note, across sets, what else would hold the part asked about last in place of one of a proof's obstacles.
 
         Looked at are the obstacles asked about (a mask), and those noted before: fewer may do with them as well.
         """
+        if not self._is_across_sets:
+            return
         among = others
         for noted in self._swapped:
             among |= noted

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -92,6 +93,10 @@ class TranslationSearch:
         self._spaces: dict[tuple[int, int], Space] = {}
         self._cages = Cages(parts, config=config.space)
         self._legs: Legs | None = None
+
+    def across_sets(self) -> AbstractContextManager[None]:
+        """Return a context for many sets of obstacles of one part; see `Cages.across_sets`."""
+        return self._cages.across_sets()
 
     def search(self, part: int, others: Sequence[int]) -> TranslationResult:
         """Return a removal of the part past the others, or the proof that none exists, or neither."""
