@@ -26,14 +26,16 @@ REACH = 400.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimultaneousCase:
+class GroupCase:
     """An assembly of the set."""
 
     name: str
     movers: tuple[str, ...]
-    """Parts that move at once; any other leaves alone."""
+    """Parts that move together; any other leaves alone, or comes apart from its like once they are gone."""
     build: Callable[[bool], dict[str, Manifold]]
     """Given whether the way is open, returns the solids by name."""
+    at_once: bool = True
+    """Whether the movers move in different ways at the same time; else as one body, along several legs."""
 
     def assembly(self, *, is_open: bool) -> Assembly:
         """Return the assembly, or its twin with the way blocked."""
@@ -107,9 +109,9 @@ def sliders(
     return {"base": base, **out}
 
 
-def case(name: str, angle: float, *also: str, **options: Any) -> SimultaneousCase:
+def case(name: str, angle: float, *also: str, **options: Any) -> GroupCase:
     """A case; ``also`` names what moves besides the two sliders."""
-    return SimultaneousCase(
+    return GroupCase(
         name=name,
         movers=("slider_1", "slider_2", *also),
         build=lambda is_open: sliders(angle, is_open, **options),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simultaneous_set import CASES, SimultaneousCase
+from simultaneous_set import CASES, GroupCase
 from solids import assembly, box, pair_in_pair, peg_in_plate, rod
 
 from sashimono.assembly import Assembly, Product
@@ -48,7 +48,7 @@ def at_once(cascade: Cascade, remaining: int, **options: int) -> list[set[str]]:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_the_set_and_its_blocked_twins(case: SimultaneousCase) -> None:
+def test_the_set_and_its_blocked_twins(case: GroupCase) -> None:
     for is_open in (True, False):
         parts = case.assembly(is_open=is_open)
         cascade = cascade_of(parts)

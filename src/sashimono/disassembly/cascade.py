@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 
 from sashimono.assembly import Assembly
-from sashimono.disassembly.blocking.groups import GroupStage
+from sashimono.disassembly.blocking.groups import GroupStage, loose_sets
 from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.blocking.stage import BlockingStage
 from sashimono.disassembly.conditions.clauses import RemovalConditions
@@ -159,6 +159,14 @@ class Cascade:
         if found is None:
             return separation
         return replace(separation, removal=found[0], declared=found[1], stage="declared thread")
+
+    def loose_sets(self, remaining: int, *, stays: int) -> list[int]:
+        """Return sets of the remaining parts that go a little way as one (masks), without a part that stays.
+
+        As many as the configuration allows, those with the fewest parts first. See the function of the same name.
+        """
+        found = loose_sets(self.blocking, remaining, stays=stays, travel=self.config.loose_travel)
+        return found[: self.config.max_loose_sets]
 
     def find_simultaneous(
         self, remaining: int, *, stays: int, allowed: Callable[[Collection[int]], bool]

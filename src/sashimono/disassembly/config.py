@@ -41,6 +41,10 @@ class SeparateConfig:
     """The same, where contacts are to tell which parts hold one."""
     escape_samples: int = 2000
     """Directions looked at when a way out is read off the contacts."""
+    loose_travel: float = 0.1
+    """Parts that together go so far past all others, over the smaller part's smallest extent, are loose as one."""
+    max_loose_sets: int = 6
+    """Sets of parts, loose as one, of which translations are asked: each costs a search."""
     max_queries: int = 64
     """Sets of obstacles that the later stages are asked about for one part's removal conditions, the largest first:
     1, only all other parts; 0, none. Where more would have been asked, the conditions say that they were cut short."""

@@ -4,11 +4,14 @@ Along a direction let ``i -> j`` mean that j blocks i. A set that no arrow leave
 smallest such sets are the sink strongly connected components (Wilson and Latombe 1994, *Geometric
 reasoning about mechanical assembly*). The rest of a closed set is closed along the opposite direction,
 so of all directions there is one whose sink leaves any given part behind, if any set moves at all.
+
+Where no set goes straight out, one may go a little way as one, and leave by several translations. Those are the sinks
+of the same relation with the arrows of a short travel only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from sashimono.disassembly.blocking.relation import Blocking
+from sashimono.disassembly.free_travel import passes
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.removal import Removal
@@ -79,10 +83,15 @@ def find_subassembly(
     """
     missed: dict[int, dict[int, int]] = {direction_index: {} for direction_index in range(blocking.count_directions)}
     """By direction and part: blockers that the maps miss and tracing found, here and now."""
-    found = {
-        direction_index: _sinks(blocking, direction_index, remaining, missed[direction_index])
-        for direction_index in missed
-    }
+
+    def sinks(direction_index: int) -> list[int]:
+        def blockers(part: int) -> int:
+            mapped = blocking.blockers(part, direction_index, remaining & ~(1 << part))
+            return mapped | missed[direction_index].get(part, 0)
+
+        return _sinks(remaining, blockers)
+
+    found = {direction_index: sinks(direction_index) for direction_index in missed}
     while True:
         candidates = [
             (
@@ -115,18 +124,43 @@ def find_subassembly(
             for moving, way, stop in ((part, direction_index, other), (other, direction_index ^ 1, part)):
                 missed[way][moving] = missed[way].get(moving, 0) | 1 << stop
         for changed in (direction_index, direction_index ^ 1):
-            found[changed] = _sinks(blocking, changed, remaining, missed[changed])
+            found[changed] = sinks(changed)
 
 
-def _sinks(blocking: Blocking, direction_index: int, remaining: int, missed: Mapping[int, int]) -> list[int]:
-    """The smallest sets that no remaining part outside of them blocks along a direction, as masks."""
+def loose_sets(blocking: Blocking, remaining: int, *, stays: int, travel: float) -> list[int]:
+    """Return the sets of two or more parts that go a little way as one, as masks: those with the fewest parts first.
+
+    Args:
+        blocking: The relation.
+        remaining: Mask of the parts that are there.
+        stays: A part that must not be among those that move.
+        travel: How far a part must go past each other one, over the smaller one's smallest extent.
+    """
+    parts = blocking.parts
+
+    def blockers(part: int, direction_index: int) -> int:
+        direction = blocking.direction(direction_index)
+        mask = 0
+        for other in bits(blocking.blockers(part, direction_index, remaining & ~(1 << part))):
+            length = travel * parts.smaller_size(part, other)
+            if not passes(parts, part, np.zeros(3), direction, other, length=length):
+                mask |= 1 << other
+        return mask
+
+    found = {
+        members
+        for direction_index in range(blocking.count_directions)
+        for members in _sinks(remaining, lambda part, s=direction_index: blockers(part, s))
+        if members.bit_count() > 1 and not members >> stays & 1
+    }
+    return sorted(found, key=lambda members: (members.bit_count(), members))
+
+
+def _sinks(remaining: int, blockers: Callable[[int], int]) -> list[int]:
+    """The smallest sets that no remaining part outside of them blocks, as masks."""
     parts = bits(remaining)
     place = {part: k for k, part in enumerate(parts)}
-    arrows = [
-        (place[part], place[other])
-        for part in parts
-        for other in bits(blocking.blockers(part, direction_index, remaining & ~(1 << part)) | missed.get(part, 0))
-    ]
+    arrows = [(place[part], place[other]) for part in parts for other in bits(blockers(part))]
     rows, columns = np.array(arrows, dtype=np.int64).reshape(-1, 2).T
     graph = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(len(parts), len(parts)))
     count, label = connected_components(graph, directed=True, connection="strong")

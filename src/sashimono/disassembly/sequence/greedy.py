@@ -3,8 +3,9 @@
 Removal is monotone (fewer parts never block more), so no removal is ever undone. As long as some
 part can leave, taking it is right. The rest is a matter of taste: small parts first, upwards,
 in runs of the same direction, and so that the remaining parts hang together. Where no part leaves alone,
-a subassembly leaves as one body, and is taken apart by itself: the result is a tree. Where none of these is found,
-several parts or subassemblies leave at once, each by a translation of its own.
+a subassembly leaves as one body, and is taken apart by itself: the result is a tree. It goes straight out, or where
+that fails, by several translations. Where none of these is found, several parts or subassemblies leave at once, each by
+a translation of its own.
 """
 
 from __future__ import annotations
@@ -249,7 +250,8 @@ class _Chooser:
                 choice = self.next_subassembly(remaining, protected)
             else:
                 choice = self.next_by_stage(stage, remaining, protected, said)
-        return choice or self.next_product_by_search(remaining, protected), protected, said
+        choice = choice or self.next_product_by_search(remaining, protected)
+        return choice or self.next_subassembly_by_search(remaining, protected), protected, said
 
     def leaving_with(self, part: int, remaining: int) -> int:
         """Mask of the part, or of the product that it is in, if one translation takes that out; else 0."""
@@ -263,8 +265,7 @@ class _Chooser:
         ranked = [
             (rank, group.members, s, group)
             for group in self.units(remaining)
-            if not group.members >> protected & 1
-            and not any(self.wishes.holds_back(part, remaining & ~group.members) for part in bits(group.members))
+            if not group.members >> protected & 1 and not self.is_held_back(group.members, remaining & ~group.members)
             for rank, s in self.product_ways(group, remaining, last, most=1)
         ]
         if not ranked:
@@ -273,7 +274,7 @@ class _Chooser:
         others = remaining & ~members
         removal = self.cascade.parts.straight_removal(members, others, self.cascade.blocking.direction(s))
         separation = Separation(answer=Answer.FREE, removal=removal, direction_index=s, stage="subassembly")
-        return self.as_one(group, separation)
+        return self.as_one(members, separation, product=group.name)
 
     def product_ways(
         self, group: ProductGroup, remaining: int, last: Float[np.ndarray, "3"] | None, *, most: int
@@ -307,22 +308,37 @@ class _Chooser:
         for group in sorted(
             self.units(remaining), key=lambda group: (self.bulk[bits(group.members)].sum(), group.name)
         ):
-            others = remaining & ~group.members
-            if group.members >> protected & 1 or is_refused(self.refused, group.members, None, others):
+            if group.members >> protected & 1:
                 continue
-            if any(self.wishes.holds_back(part, remaining & ~group.members) for part in bits(group.members)):
-                continue
-            separation = self.bodies_as_one.separate(group.members, remaining)
-            if separation.answer is Answer.FREE:
-                return self.as_one(group, separation)
+            if (separation := self.out_as_one(group.members, remaining)) is not None:
+                return self.as_one(group.members, separation, product=group.name)
         return None
 
-    def as_one(self, group: ProductGroup, separation: Separation) -> Departure:
-        """The departure of a product, with how it comes apart by itself."""
-        inside = _disassemble(self, group.members, lambda removed: None)
-        return Departure(
-            part=inside.base, members=group.members, separation=separation, inside=inside, product=group.name
-        )
+    def next_subassembly_by_search(self, remaining: int, protected: int) -> Departure | None:
+        """A set of parts that leaves as one by several translations: of those that are loose as one, the smallest."""
+        for members in self.cascade.loose_sets(remaining, stays=protected):
+            if self.splits_a_product(members, remaining):
+                continue
+            if (separation := self.out_as_one(members, remaining)) is not None:
+                return self.as_one(members, separation)
+        return None
+
+    def out_as_one(self, members: int, remaining: int) -> Separation | None:
+        """How some parts leave the remaining ones as one part, asked of it as such; None if that is not known."""
+        others = remaining & ~members
+        if is_refused(self.refused, members, None, others) or self.is_held_back(members, others):
+            return None
+        separation = self.bodies_as_one.separate(members, remaining)
+        return separation if separation.answer is Answer.FREE else None
+
+    def is_held_back(self, members: int, others: int) -> bool:
+        """Whether the user's precedence keeps one of some parts while these others are there."""
+        return any(self.wishes.holds_back(part, others) for part in bits(members))
+
+    def as_one(self, members: int, separation: Separation, *, product: str | None = None) -> Departure:
+        """The departure of several parts as one, with how they come apart by themselves."""
+        inside = _disassemble(self, members, lambda removed: None)
+        return Departure(part=inside.base, members=members, separation=separation, inside=inside, product=product)
 
     def next_proposed(self, remaining: int, protected: int, last: Float[np.ndarray, "3"] | None) -> Departure | None:
         """The first part of the proposed order that remains, if it can leave."""
@@ -453,37 +469,34 @@ class _Chooser:
             connected=self.connected,
             refused=self.refused,
         )
-        split = found is not None and any(
-            g.members & found.members not in (0, g.members) for g in self.units(remaining)
-        )
-        if (
-            found is None
-            or split
-            or any(self.wishes.holds_back(part, remaining & ~found.members) for part in bits(found.members))
-        ):
+        if found is None or self.splits_a_product(found.members, remaining):
             return None
-        inside = _disassemble(self, found.members, lambda removed: None)
+        if self.is_held_back(found.members, remaining & ~found.members):
+            return None
         separation = Separation(
             answer=Answer.FREE, removal=found.removal, direction_index=found.direction_index, stage="subassembly"
         )
-        return Departure(part=inside.base, members=found.members, separation=separation, inside=inside)
+        return self.as_one(found.members, separation)
+
+    def splits_a_product(self, members: int, remaining: int) -> bool:
+        """Whether some parts are only a part of a product that leaves as one of the remaining ones."""
+        return any(unit.members & members not in (0, unit.members) for unit in self.units(remaining))
 
     def simultaneous(self, remaining: int, protected: int) -> tuple[Departure, ...]:
         """Sets of parts that leave at once, each by a translation of its own; none if none are found."""
-        units = self.units(remaining)
 
         def allowed(groups: Collection[int]) -> bool:
             moving = sum(groups)
             others = remaining & ~moving
-            whole = all(unit.members & mask in (0, unit.members) for unit in units for mask in groups)
+            splits = any(self.splits_a_product(mask, remaining) for mask in groups)
             # at the same time is not earlier
-            waits = any(self.wishes.holds_back(part, remaining & ~mask) for mask in groups for part in bits(mask))
+            waits = any(self.is_held_back(mask, remaining & ~mask) for mask in groups)
             refused = any(is_refused(self.refused, m, None, others, simultaneous=moving & ~m) for m in groups)
-            return whole and not waits and not refused
+            return not splits and not waits and not refused
 
         found = self.cascade.find_simultaneous(remaining, stays=protected, allowed=allowed)
         moving = sum(group.members for group in found)
-        products = {unit.members: unit.name for unit in units}
+        products = {unit.members: unit.name for unit in self.units(remaining)}
         return tuple(
             replace(self._leaving(group), simultaneous=moving & ~group.members, product=products.get(group.members))
             for group in found
@@ -491,7 +504,7 @@ class _Chooser:
 
     def _leaving(self, group: SimultaneousGroup) -> Departure:
         members = group.members
-        inside = _disassemble(self, members, lambda removed: None) if members & (members - 1) else None
         separation = Separation(answer=Answer.FREE, removal=group.removal, stage="simultaneous")
-        part = bits(members)[0] if inside is None else inside.base
-        return Departure(part=part, members=members, separation=separation, inside=inside)
+        if members & (members - 1):
+            return self.as_one(members, separation)
+        return Departure(part=bits(members)[0], members=members, separation=separation)

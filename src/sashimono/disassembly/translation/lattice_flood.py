@@ -264,15 +264,17 @@ def cast(scene, labels, known, start, direction, obstacles):  # pragma: no cover
 
 @njit(cache=True, nogil=True)
 def nearest_steps(cells, steps, places, out):  # pragma: no cover - compiled
-    """Write, for each place, the fewest steps: to a cell visited, and from there to the way out."""
+    """Write, for each place, the steps to the nearest cell visited, and from there to the way out.
+
+    Not to the cell by which the sum is least: that may lie beyond a wall.
+    """
     for n in range(places.shape[0]):
-        best = np.inf
+        nearest = np.inf
         for m in range(cells.shape[0]):
-            far = steps[m] + max(
-                abs(cells[m, 0] - places[n, 0]), abs(cells[m, 1] - places[n, 1]), abs(cells[m, 2] - places[n, 2])
-            )
-            best = min(best, far)
-        out[n] = best
+            far = max(abs(cells[m, 0] - places[n, 0]), abs(cells[m, 1] - places[n, 1]), abs(cells[m, 2] - places[n, 2]))
+            if far < nearest or (far == nearest and steps[m] + far < out[n]):
+                nearest = far
+                out[n] = steps[m] + far
 
 
 def steps_from(steps: Int[np.ndarray, "x y z"], end: Int[np.ndarray, "3"]) -> list[Int[np.ndarray, "3"]]:
