@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -76,4 +77,5 @@ def find_place(device: str | None = None) -> Iterator[Place]:
     try:
         yield Place(device=device, rank=rank, world=world)
     finally:
+        gc.collect()  # a group that something still holds ends with the interpreter, and aborts it
         distributed.destroy_process_group()
