@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cartridge_set import CASES, cartridge_in_housing
+from manifold3d import Manifold
 from simultaneous_set import GroupCase
-from tilt_set import part_of
+from tilt_set import part_of, span
 
 from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
+from sashimono.disassembly.blocking.groups import LooseConfig
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.masks import bits
 from sashimono.disassembly.sequence.constraints import OrderConstraints
@@ -106,5 +108,52 @@ def test_a_product_that_leaves_as_one_is_not_split() -> None:
 
 
 def test_the_budget_ends_it() -> None:
-    cascade = cascade_of(named("cartridge_y").assembly(is_open=True), max_loose_sets=0)
+    cascade = cascade_of(named("cartridge_y").assembly(is_open=True), loose=LooseConfig(max_sets=0))
     assert find_disassembly(cascade, config=SequenceConfig()).stuck
+
+
+def test_what_lies_loose_in_a_set_goes_along() -> None:
+    solids = cartridge_in_housing(True, way="y", slug=True)
+    solids["slug"] = span((-4.0, 4.0), (-3.0, 3.0), (3.0, 6.0))  # a millimetre of play upwards
+    cascade = cascade_of(Assembly(parts=tuple(part_of(name, solid) for name, solid in solids.items())))
+    result = find_disassembly(cascade, config=SequenceConfig())
+    assert [members for _, members in together(cascade, result)] == [{"slug", "left", "right"}]
+
+
+def test_what_coarse_maps_miss_is_traced() -> None:
+    """A ball in a socket of both halves: the depth maps do not see that the socket closes a little over its equator."""
+    solids = cartridge_in_housing(True, way="y")
+    ball = Manifold.sphere(1.0, 48).translate((0.0, 0.0, 9.6))
+    solids |= {side: solids[side] - ball for side in ("left", "right")} | {"ball": ball}
+    cascade = cascade_of(Assembly(parts=tuple(part_of(name, solid) for name, solid in solids.items())))
+    names, blocking = cascade.assembly.names, cascade.blocking
+    up = next(s for s in range(blocking.count_directions) if blocking.direction(s)[2] > 0.9999)
+    assert not blocking.blockers(names.index("ball"), up, 1 << names.index("left")), "this case shows nothing"
+    found = cascade.loose_sets(cascade.parts.all_parts, stays=names.index("front"))
+    assert [{names[k] for k in bits(members)} for members in found] == [{"left", "right", "ball"}]
+
+
+@pytest.mark.parametrize("base", ["left", "front"])
+def test_either_side_may_stay(base: str) -> None:
+    cascade = cascade_of(named("cartridge_y").assembly(is_open=True))
+    wishes = OrderConstraints(base=base)
+    result = find_disassembly(cascade, config=SequenceConfig(constraints=wishes))
+    assert not result.stuck
+    assert [members for _, members in together(cascade, result)] == [
+        {"left", "right"} if base == "front" else {"front", "back"}
+    ]
+
+
+def test_a_straight_way_that_was_refused_does_not_come_back_by_the_search() -> None:
+    """Without a roof the cartridge goes straight up: once that is refused, it is not found again under another name."""
+    solids = cartridge_in_housing(True, way="y")
+    for side in ("front", "back"):
+        solids[side] -= span((-25.0, 25.0), (-18.0, 18.0), (20.0, 60.0))
+    cascade = cascade_of(Assembly(parts=tuple(part_of(name, solid) for name, solid in solids.items())))
+    [(entry, members)] = together(cascade, find_disassembly(cascade, config=SequenceConfig()))
+    assert members == {"left", "right"}
+    assert entry.refusal.direction_index is not None
+    again = find_disassembly(cascade, config=SequenceConfig(), refused=frozenset({entry.refusal}))
+    for other, _ in together(cascade, again):
+        assert other.separation.removal is not None
+        assert other.separation.removal.exit_direction @ [0.0, 0.0, 1.0] < 0.99

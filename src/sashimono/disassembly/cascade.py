@@ -161,12 +161,8 @@ class Cascade:
         return replace(separation, removal=found[0], declared=found[1], stage="declared thread")
 
     def loose_sets(self, remaining: int, *, stays: int) -> list[int]:
-        """Return sets of the remaining parts that go a little way as one (masks), without a part that stays.
-
-        As many as the configuration allows, those with the fewest parts first. See the function of the same name.
-        """
-        found = loose_sets(self.blocking, remaining, stays=stays, travel=self.config.loose_travel)
-        return found[: self.config.max_loose_sets]
+        """Return sets of the remaining parts that go a little way as one; see the function of the same name."""
+        return loose_sets(self.blocking, remaining, stays=stays, config=self.config.loose)
 
     def find_simultaneous(
         self, remaining: int, *, stays: int, allowed: Callable[[Collection[int]], bool]

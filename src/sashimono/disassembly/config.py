@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from sashimono.disassembly.blocking.groups import LooseConfig
 from sashimono.disassembly.blocking.relation import BlockingConfig
 from sashimono.disassembly.physics.search import PhysicsConfig
 from sashimono.disassembly.placed_parts import PlacedPartsConfig
@@ -24,6 +25,7 @@ class SeparateConfig:
     blocking: BlockingConfig = field(default_factory=BlockingConfig)
     translation: TranslationConfig = field(default_factory=TranslationConfig)
     leaning: LeaningConfig = field(default_factory=LeaningConfig)
+    loose: LooseConfig = field(default_factory=LooseConfig)
     simultaneous: SimultaneousConfig = field(default_factory=SimultaneousConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     tilt: TiltConfig = field(default_factory=TiltConfig)
@@ -41,10 +43,6 @@ class SeparateConfig:
     """The same, where contacts are to tell which parts hold one."""
     escape_samples: int = 2000
     """Directions looked at when a way out is read off the contacts."""
-    loose_travel: float = 0.1
-    """Parts that together go so far past all others, over the smaller part's smallest extent, are loose as one."""
-    max_loose_sets: int = 6
-    """Sets of parts, loose as one, of which translations are asked: each costs a search."""
     max_queries: int = 64
     """Sets of obstacles that the later stages are asked about for one part's removal conditions, the largest first:
     1, only all other parts; 0, none. Where more would have been asked, the conditions say that they were cut short."""

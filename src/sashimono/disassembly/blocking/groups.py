@@ -5,8 +5,8 @@ smallest such sets are the sink strongly connected components (Wilson and Latomb
 reasoning about mechanical assembly*). The rest of a closed set is closed along the opposite direction,
 so of all directions there is one whose sink leaves any given part behind, if any set moves at all.
 
-Where no set goes straight out, one may go a little way as one, and leave by several translations. Those are the sinks
-of the same relation with the arrows of a short travel only.
+Where no set goes straight out, one may go a little way as one, and leave by several translations. Those are closed
+under the arrows of a short travel. Not the smallest alone: what lies loose in a set is one by itself, and goes along.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from sashimono.disassembly.blocking.relation import Blocking
 from sashimono.disassembly.free_travel import passes
-from sashimono.disassembly.masks import bits
+from sashimono.disassembly.masks import bits, reached
 from sashimono.disassembly.refusal import Refusal, is_refused
 from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import UNASKED, Separation
@@ -127,33 +127,55 @@ def find_subassembly(
             found[changed] = sinks(changed)
 
 
-def loose_sets(blocking: Blocking, remaining: int, *, stays: int, travel: float) -> list[int]:
+@dataclass(frozen=True, kw_only=True)
+class LooseConfig:
+    """Which sets are loose as one, and how many are asked for translations."""
+
+    travel: float = 0.1
+    """How far a part must go past each other one, over the smaller one's smallest extent."""
+    max_parts: int = 40
+    """Of more remaining parts nothing is asked."""
+    max_sets: int = 8
+    """Sets asked for translations: each costs a search of two merged bodies."""
+
+
+def loose_sets(blocking: Blocking, remaining: int, *, stays: int, config: LooseConfig) -> list[int]:
     """Return the sets of two or more parts that go a little way as one, as masks: those with the fewest parts first.
+
+    Every pair of neighbours is traced.
 
     Args:
         blocking: The relation.
         remaining: Mask of the parts that are there.
         stays: A part that must not be among those that move.
-        travel: How far a part must go past each other one, over the smaller one's smallest extent.
+        config: What is loose; of too many parts there is no set.
     """
-    parts = blocking.parts
+    parts, there = blocking.parts, bits(remaining)
+    if len(there) > config.max_parts:
+        return []
 
-    def blockers(part: int, direction_index: int) -> int:
-        direction = blocking.direction(direction_index)
-        mask = 0
-        for other in bits(blocking.blockers(part, direction_index, remaining & ~(1 << part))):
-            length = travel * parts.smaller_size(part, other)
-            if not passes(parts, part, np.zeros(3), direction, other, length=length):
-                mask |= 1 << other
-        return mask
+    def length(part: int, other: int) -> float:
+        return config.travel * parts.smaller_size(part, other)
 
-    found = {
-        members
-        for direction_index in range(blocking.count_directions)
-        for members in _sinks(remaining, lambda part, s=direction_index: blockers(part, s))
-        if members.bit_count() > 1 and not members >> stays & 1
+    near = {
+        part: [other for other in there if other != part and parts.boxes_meet(part, other, length(part, other))]
+        for part in there
     }
-    return sorted(found, key=lambda members: (members.bit_count(), members))
+    found = set()
+    for direction_index in range(blocking.count_directions):
+        direction = blocking.direction(direction_index)
+
+        def stopped_by(part: int, direction: Float[np.ndarray, "3"] = direction) -> int:
+            return sum(
+                1 << other
+                for other in near[part]
+                if not passes(parts, part, np.zeros(3), direction, other, length=length(part, other))
+            )
+
+        stops = {part: stopped_by(part) for part in there}
+        found |= {reached(1 << part, remaining, stops.__getitem__) for part in there}
+    out = [members for members in found if members.bit_count() > 1 and not members >> stays & 1]
+    return sorted(out, key=lambda members: (members.bit_count(), members))
 
 
 def _sinks(remaining: int, blockers: Callable[[int], int]) -> list[int]:

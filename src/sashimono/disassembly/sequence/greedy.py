@@ -23,6 +23,7 @@ from sashimono.disassembly.blocking.groups import find_subassembly
 from sashimono.disassembly.cascade import Cascade
 from sashimono.disassembly.masks import bits, reached
 from sashimono.disassembly.refusal import Refusal, is_refused
+from sashimono.disassembly.removal import Removal
 from sashimono.disassembly.separation import UNASKED, Separation, Stage
 from sashimono.disassembly.sequence.as_one import BodiesAsOne
 from sashimono.disassembly.sequence.constraints import OrderConstraints, resolve
@@ -308,28 +309,43 @@ class _Chooser:
         for group in sorted(
             self.units(remaining), key=lambda group: (self.bulk[bits(group.members)].sum(), group.name)
         ):
-            if group.members >> protected & 1:
+            if group.members >> protected & 1 or not self.may_leave_as_one(group.members, remaining):
                 continue
-            if (separation := self.out_as_one(group.members, remaining)) is not None:
+            separation = self.bodies_as_one.separate(group.members, remaining)
+            if separation.answer is Answer.FREE:
                 return self.as_one(group.members, separation, product=group.name)
         return None
 
     def next_subassembly_by_search(self, remaining: int, protected: int) -> Departure | None:
         """A set of parts that leaves as one by several translations: of those that are loose as one, the smallest."""
+        left = self.cascade.config.loose.max_sets
         for members in self.cascade.loose_sets(remaining, stays=protected):
-            if self.splits_a_product(members, remaining):
+            if not left:
+                break
+            if self.splits_a_product(members, remaining) or not self.may_leave_as_one(members, remaining):
                 continue
-            if (separation := self.out_as_one(members, remaining)) is not None:
+            left -= 1
+            separation = self.bodies_as_one.in_two(members, remaining)
+            removal = separation.removal
+            if removal is not None and not self._is_refused_way(members, remaining, removal):
                 return self.as_one(members, separation)
         return None
 
-    def out_as_one(self, members: int, remaining: int) -> Separation | None:
-        """How some parts leave the remaining ones as one part, asked of it as such; None if that is not known."""
+    def may_leave_as_one(self, members: int, remaining: int) -> bool:
+        """Whether some parts may leave together by what a search finds: nothing refused that, no wish is against it."""
         others = remaining & ~members
-        if is_refused(self.refused, members, None, others) or self.is_held_back(members, others):
-            return None
-        separation = self.bodies_as_one.separate(members, remaining)
-        return separation if separation.answer is Answer.FREE else None
+        return not is_refused(self.refused, members, None, others) and not self.is_held_back(members, others)
+
+    def _is_refused_way(self, members: int, remaining: int, removal: Removal) -> bool:
+        """Whether a way out that was found is one translation, and that was refused as such before."""
+        if len(removal.displacements) > 2:
+            return False
+        blocking = self.cascade.blocking
+        return any(
+            is_refused(self.refused, members, s, remaining & ~members)
+            for s in range(blocking.count_directions)
+            if blocking.direction(s) @ removal.exit_direction > 0.9999
+        )
 
     def is_held_back(self, members: int, others: int) -> bool:
         """Whether the user's precedence keeps one of some parts while these others are there."""
@@ -495,6 +511,8 @@ class _Chooser:
             return not splits and not waits and not refused
 
         found = self.cascade.find_simultaneous(remaining, stays=protected, allowed=allowed)
+        if len(found) == 1 and self._is_refused_way(found[0].members, remaining, found[0].removal):
+            return ()
         moving = sum(group.members for group in found)
         products = {unit.members: unit.name for unit in self.units(remaining)}
         return tuple(

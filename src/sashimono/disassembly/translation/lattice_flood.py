@@ -118,9 +118,8 @@ def explore(scene, labels, known, start, obstacles, steps, queue, budget):
                     x, y, z = i + di, j + dj, k + dk
                     if steps[x, y, z] >= 0:
                         continue
-                    mask = labels[x, y, z] & obstacles  # a wall known by one obstacle need not be known by all
-                    if mask == 0:
-                        mask = label(scene, (x, y, z), labels, known) & obstacles
+                    # all that is met, not what is known: proofs must not depend on what was asked before
+                    mask = label(scene, (x, y, z), labels, known) & obstacles
                     if mask != 0:
                         new = True
                         for m in range(count_walls):
