@@ -36,10 +36,7 @@ class BodiesAsOne:
         if key not in self._merged:
             others = bits(remaining & ~members)
             assembly, parts = self._cascade.assembly, self._cascade.parts
-            bodies = {assembly.names[k]: parts.bodies[k] for k in others}
-            found = self._ask(
-                [self._as_one(members), *((assembly.parts[k], bodies[assembly.names[k]]) for k in others)]
-            )
+            found = self._ask([self._as_one(members), *((assembly.parts[k], parts.bodies[k]) for k in others)])
             self._merged[key] = replace(found, blocked_by=tuple(others[k - 1] for k in found.blocked_by))
         self.last[members] = self._merged[key]
         return self._merged[key]

@@ -296,18 +296,19 @@ class Space:
         each = met_on_every_way(self._scene, self._labels, self._known, start, base, wanted, budget)
         return sum(1 << self.obstacles[bit] for bit in bits(each))
 
-    def distances(self, flood: Flood, offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Return the lattice steps from displacements to the way out that the flood found, 0 past the rim.
+    def distances(self, flood: Flood, offsets: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "2 n"]:
+        """Return two guesses of the lattice steps from displacements to the way out that was found, 0 past the rim.
 
-        By way of the nearest displacement that the flood visited: real halts are not on the lattice.
+        By way of a displacement that the flood visited, since real halts are not on the lattice: of whichever makes the
+        steps fewest, even behind a wall, and of the nearest one.
         """
         places = offsets @ self.rotation.T / self.spacing
         # past the rim of a window that was cut, what is left is at least the way past all boxes
         beyond = np.maximum(np.minimum(places + self.full[0], self.full[1] - places).min(axis=1), 0.0)
         places += self.window[0]
         if not len(flood.cells):
-            return beyond
-        out = np.empty(len(offsets))
+            return np.stack([beyond, beyond])
+        out = np.empty((2, len(offsets)))
         nearest_steps(flood.cells, flood.steps, places, out)
         past = ((places <= 0.5) | (places >= np.array(self._labels.shape) - 1.5)).any(axis=1)
         return np.where(past, 0.0, out) + (beyond if self.is_cut else 0.0)

@@ -263,17 +263,19 @@ def cast(scene, labels, known, start, direction, obstacles):  # pragma: no cover
 
 @njit(cache=True, nogil=True)
 def nearest_steps(cells, steps, places, out):  # pragma: no cover - compiled
-    """Write, for each place, the steps to the nearest cell visited, and from there to the way out.
+    """Write, for each place, two guesses of the steps to the way out by way of a cell visited.
 
-    Not to the cell by which the sum is least: that may lie beyond a wall.
+    The first is the fewest, straight to any cell: through walls, too. The second is from the nearest cell on.
     """
     for n in range(places.shape[0]):
         nearest = np.inf
+        out[0, n] = np.inf
         for m in range(cells.shape[0]):
             far = max(abs(cells[m, 0] - places[n, 0]), abs(cells[m, 1] - places[n, 1]), abs(cells[m, 2] - places[n, 2]))
-            if far < nearest or (far == nearest and steps[m] + far < out[n]):
+            out[0, n] = min(out[0, n], steps[m] + far)
+            if far < nearest or (far == nearest and steps[m] + far < out[1, n]):
                 nearest = far
-                out[n] = steps[m] + far
+                out[1, n] = steps[m] + far
 
 
 def steps_from(steps: Int[np.ndarray, "x y z"], end: Int[np.ndarray, "3"]) -> list[Int[np.ndarray, "3"]]:

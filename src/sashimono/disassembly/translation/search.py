@@ -152,7 +152,9 @@ class TranslationSearch:
 class _BestFirst:
     """One search: legs that end nearest to the way out of the configuration space first.
 
-    A leg is traced only when its turn comes; until then the lattice bounds how long it can be.
+    How near is guessed in two ways, whose turns alternate: straight through walls, which leads out of puzzles, and
+    around them, which leads along corridors. A leg is traced only when its turn comes; until then the lattice bounds
+    how long it can be.
     """
 
     def __init__(
@@ -176,7 +178,10 @@ class _BestFirst:
         self.least = config.least_leg * float(parts.sizes[part])
         self.lines, self.directions = legs.lines, legs.directions
         self.differences = levels.differences(part, others, self.lines)
-        self.queue: list[tuple[float, int, list[np.ndarray], int, float]] = []
+        self.queues: tuple[list[tuple[float, int]], ...] = ([], [])
+        """By guess: cost and number of each leg."""
+        self.waiting: dict[int, tuple[list[np.ndarray], int, float]] = {}
+        """By number, legs that are not taken yet: the path to their start, direction, length."""
         self.seen: set[tuple[int, ...]] = set()
         self.reach: dict[tuple[tuple[int, ...], int], float] = {}
         self.met: set[int] = set()
@@ -189,8 +194,8 @@ class _BestFirst:
             return TranslationResult(removal=removal)
         self._expand([np.zeros(3)])
         traced = looked = 0
-        while self.queue and traced < self.config.max_legs and looked < self.config.max_traces:
-            _, _, path, direction_index, length = heapq.heappop(self.queue)
+        while self.waiting and traced < self.config.max_legs and looked < self.config.max_traces:
+            path, direction_index, length = self._take(looked % len(self.queues))
             direction = self.directions[direction_index]
             key = (self._key(path[-1]), direction_index)
             end = path[-1] + (length if np.isfinite(length) else 0.0) * direction
@@ -218,7 +223,7 @@ class _BestFirst:
                 self._push(path, np.array([direction_index]), np.array([back]), np.array([False]))
         reason = (
             f"translation search ran out of its budget of {traced} legs"
-            if self.queue
+            if self.waiting
             else f"no way out by translations along the {len(self.lines)} lines tried, and no proof that there is none"
         )
         return TranslationResult(removal=None, blocked_by=tuple(sorted(self.met)), reason=reason, legs=traced)
@@ -276,18 +281,31 @@ class _BestFirst:
     ) -> None:
         """Queue legs; infinite ones, where the lattice leaves their line open, are ways out."""
         ends = path[-1] + np.where(np.isfinite(lengths), lengths, 0.0)[:, None] * self.directions[direction_index]
-        steps = self.space.distances(self.flood, ends)
-        steps[np.isinf(lengths) & is_open] = 0.0
+        guesses = self.space.distances(self.flood, ends)
+        guesses[:, np.isinf(lengths) & is_open] = 0.0
         places = np.round(ends / self.cell).astype(int).tolist()
-        queued = np.zeros(len(self.directions), dtype=int)
-        for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
-            is_known = np.isfinite(lengths[k]) and tuple(places[k]) in self.seen
-            if is_known or queued[direction_index[k]] == self.config.max_branches:
-                continue
-            queued[direction_index[k]] += 1
-            self.queued_count += 1
-            cost = float(steps[k]) + self.config.leg_cost * len(path)
-            heapq.heappush(self.queue, (cost, self.queued_count, path, int(direction_index[k]), float(lengths[k])))
+        numbers: dict[int, int] = {}
+        for queue, steps in zip(self.queues, guesses, strict=True):
+            queued = np.zeros(len(self.directions), dtype=int)
+            for k in np.argsort(np.round(steps, 6), kind="stable").tolist():
+                is_known = np.isfinite(lengths[k]) and tuple(places[k]) in self.seen
+                if is_known or queued[direction_index[k]] == self.config.max_branches:
+                    continue
+                queued[direction_index[k]] += 1
+                if k not in numbers:
+                    self.queued_count += 1
+                    numbers[k] = self.queued_count
+                    self.waiting[numbers[k]] = path, int(direction_index[k]), float(lengths[k])
+                heapq.heappush(queue, (float(steps[k]) + self.config.leg_cost * len(path), numbers[k]))
+
+    def _take(self, turn: int) -> tuple[list[np.ndarray], int, float]:
+        """Take the leg that is best by the guess whose turn it is, or by the other one if that has none."""
+        for queue in (self.queues[turn], *self.queues):
+            while queue:
+                _, number = heapq.heappop(queue)
+                if number in self.waiting:
+                    return self.waiting.pop(number)
+        raise AssertionError("every leg that waits is in a queue")
 
     def _key(self, place: Float[np.ndarray, "3"]) -> tuple[int, ...]:
         return tuple(np.round(place / self.cell).astype(int).tolist())
