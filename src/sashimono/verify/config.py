@@ -35,7 +35,7 @@ class VerifyConfig:
     through the other: in the middle of a wall it is 2. No declared fit excuses that."""
     samples: int = 3000
     """Surface samples aimed at per part, besides its own vertices; they set the spacing between samples."""
-    relative_resolution: float = 0.125
+    relative_resolution: float = 0.04
     """Travel between two looks at a vertex, over the pair tolerance, below which contact is not refined further."""
     max_queries: int = 6_000_000
     """Distance queries allowed for one pair in one step; a pair that needs more is refused, never passed."""
