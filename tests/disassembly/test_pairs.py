@@ -13,6 +13,8 @@ from sashimono.assembly import Assembly
 from sashimono.bodies import make_bodies
 from sashimono.disassembly.cascade import Cascade, SeparateConfig
 from sashimono.disassembly.separation import Separation, Stage
+from sashimono.disassembly.translation.search import TranslationSearch
+from sashimono.disassembly.translation.stage import TranslationStage
 from sashimono.plan import Answer, MotionClass
 
 
@@ -63,6 +65,11 @@ class OneSided:
         if part != self.sees:
             return Separation(answer=Answer.UNKNOWN, stage=self.name, blocked_by=(self.sees,), reason="blind")
         return self.stage.separate(part, remaining, max_traced=max_traced)
+
+    @property
+    def search(self) -> TranslationSearch:
+        assert isinstance(self.stage, TranslationStage)
+        return self.stage.search
 
     def fewer_holders(self, part: int, holders: int, *, frees: Callable[[int], bool]) -> int:
         return holders
