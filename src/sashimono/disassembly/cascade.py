@@ -103,7 +103,10 @@ class Cascade:
 
     def inquire(self) -> Inquiry:
         """Return a new inquiry: questions that share a budget, and what follows from their answers."""
-        return Inquiry(self.stages, partial(self._ask, self._answers), max_traced=self.config.max_traced)
+        return self._inquiry(self._answers)
+
+    def _inquiry(self, answers: _Answers) -> Inquiry:
+        return Inquiry(self.stages, partial(self._ask, answers), max_traced=self.config.max_traced)
 
     def conditions(self, *, reachable_only: bool = False) -> RemovalConditions:
         """Return every part's removal conditions; see `find_conditions`.
@@ -111,13 +114,11 @@ class Cascade:
         Tilting is not asked: its "no" proves nothing, and takes seconds for each pair that holds itself.
         """
         asked = tuple(stage for stage in self.stages if stage not in (self.directions, self.tilting))
-        # of several proofs, which one is told depends here on what was asked before: it is told here alone
-        answers: _Answers = {}
         with self.translations.search.across_sets():
             return find_conditions(
                 self.assembly.names,
                 self.directions,
-                Inquiry(self.stages, partial(self._ask, answers), max_traced=self.config.max_traced),
+                self._inquiry({}),  # which of several proofs is told depends here on those before: it stays here
                 translations=self.translations,
                 fewer_holders=self.translations.fewer_holders,
                 physics=self.physics,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from jaxtyping import Float
@@ -153,26 +154,15 @@ def loose_sets(blocking: Blocking, remaining: int, *, stays: int, config: LooseC
     parts, there = blocking.parts, bits(remaining)
     if len(there) > config.max_parts:
         return []
-
-    def length(part: int, other: int) -> float:
-        return config.travel * parts.smaller_size(part, other)
-
-    near = {
-        part: [other for other in there if other != part and parts.boxes_meet(part, other, length(part, other))]
-        for part in there
-    }
-    found = set()
+    lengths = {(part, other): config.travel * parts.smaller_size(part, other) for part, other in permutations(there, 2)}
+    near = {pair: length for pair, length in lengths.items() if parts.boxes_meet(*pair, length)}
+    found: set[int] = set()
     for direction_index in range(blocking.count_directions):
         direction = blocking.direction(direction_index)
-
-        def stopped_by(part: int, direction: Float[np.ndarray, "3"] = direction) -> int:
-            return sum(
-                1 << other
-                for other in near[part]
-                if not passes(parts, part, np.zeros(3), direction, other, length=length(part, other))
-            )
-
-        stops = {part: stopped_by(part) for part in there}
+        stops = dict.fromkeys(there, 0)
+        for (part, other), length in near.items():
+            if not passes(parts, part, np.zeros(3), direction, other, length=length):
+                stops[part] |= 1 << other
         found |= {reached(1 << part, remaining, stops.__getitem__) for part in there}
     out = [members for members in found if members.bit_count() > 1 and not members >> stays & 1]
     return sorted(out, key=lambda members: (members.bit_count(), members))
